@@ -1,0 +1,1 @@
+//! Any rigged avatar: shape, skeleton, pose, motion, skinning, measurements.

@@ -1,0 +1,1 @@
+//! The laws: each cloth energy with gradient and Hessian.

@@ -1,0 +1,1 @@
+//! From a photo or keypoints to a posed, measured body.

@@ -1,0 +1,1 @@
+//! What is worn: fabric, recipe, layers, binding to a body.

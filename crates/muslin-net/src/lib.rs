@@ -1,0 +1,1 @@
+//! Small networks, forward and back, over one matrix-product crate.

@@ -1,0 +1,1 @@
+//! Moves cloth by minimising the energies around moving triangles.

@@ -1,0 +1,2 @@
+//! Keeping house: assets, checks and continuous integration.
+fn main() {}
