@@ -1,2 +1,35 @@
-//! Keeping house: assets, checks and continuous integration.
-fn main() {}
+//! Keeping house: continuous integration, embedded assets, opt-in checks.
+//!
+//! `cargo xtask ci` is all that continuous integration runs. `assets` rebuilds what is committed
+//! under `assets/`; `check` compares against other people's programs in throw-away environments.
+
+mod ci;
+mod walls;
+
+use std::process::ExitCode;
+
+const USAGE: &str =
+    "usage: cargo xtask ci | walls | assets body|pose | check body|pose|gltf [ARGS]";
+
+/// Every job says in words what went wrong.
+pub(crate) type Outcome = Result<(), String>;
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = args.iter().map(String::as_str).collect();
+    match run(&words) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("xtask: {message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(words: &[&str]) -> Outcome {
+    match words {
+        ["ci"] => ci::run(),
+        ["walls"] => walls::check(),
+        _ => Err(USAGE.to_owned()),
+    }
+}

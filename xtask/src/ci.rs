@@ -1,0 +1,42 @@
+//! What continuous integration runs: format, lints, docs, walls, tests.
+
+use std::process::Command;
+
+use crate::{Outcome, walls};
+
+/// Runs every check in turn and stops at the first that fails.
+pub fn run() -> Outcome {
+    walls::check()?;
+    cargo(&["fmt", "--all", "--check"], &[])?;
+    cargo(
+        &[
+            "clippy",
+            "--workspace",
+            "--all-targets",
+            "--locked",
+            "--",
+            "-D",
+            "warnings",
+        ],
+        &[],
+    )?;
+    cargo(
+        &["doc", "--workspace", "--no-deps", "--locked"],
+        &[("RUSTDOCFLAGS", "-D warnings")],
+    )?;
+    cargo(&["test", "--workspace", "--locked"], &[])
+}
+
+fn cargo(args: &[&str], env: &[(&str, &str)]) -> Outcome {
+    eprintln!("ci: cargo {}", args.join(" "));
+    let status = Command::new(env!("CARGO"))
+        .args(args)
+        .envs(env.iter().copied())
+        .status()
+        .map_err(|e| format!("cannot start cargo: {e}"))?;
+    if status.success() {
+        Ok(())
+    } else {
+        Err(format!("cargo {} failed", args.join(" ")))
+    }
+}
