@@ -1,1 +1,7 @@
 //! The jobs as plain functions.
+
+mod failure;
+mod watch;
+
+pub use failure::{Exit, Failure};
+pub use watch::{Stage, Watch};

@@ -1,0 +1,109 @@
+//! How a job fails: what was wrong, where, and what to do.
+
+use std::fmt;
+
+/// The class of a failure; its number is the exit code of the program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// The command was not understood.
+    Usage = 2,
+    /// The input is not what it should be.
+    Invalid = 3,
+    /// The input is beyond a limit or not allowed.
+    Refused = 4,
+    /// A file cannot be read or written.
+    Files = 5,
+    /// Numbers failed: not finite, or no convergence.
+    Numbers = 6,
+    /// The result is below its quality gate.
+    Quality = 7,
+    /// A fault in Muslin itself.
+    Internal = 70,
+    /// Stopped by the user.
+    Interrupted = 130,
+    /// Stopped by the system.
+    Terminated = 143,
+}
+
+/// A job that could not be done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// What kind of failure this is.
+    pub exit: Exit,
+    /// A short stable name, such as `nobody-found`.
+    pub code: &'static str,
+    /// The file, argument or place within it; may be empty.
+    pub place: String,
+    /// What is wrong, with what was found and what is allowed.
+    pub what: String,
+    /// What to do about it; may be empty.
+    pub hint: String,
+}
+
+impl Failure {
+    /// A failure without a hint.
+    pub fn new(exit: Exit, code: &'static str, what: impl Into<String>) -> Self {
+        Self {
+            exit,
+            code,
+            place: String::new(),
+            what: what.into(),
+            hint: String::new(),
+        }
+    }
+
+    /// Names the file, argument or place.
+    pub fn at(mut self, place: impl Into<String>) -> Self {
+        self.place = place.into();
+        self
+    }
+
+    /// Says what to do.
+    pub fn hint(mut self, hint: impl Into<String>) -> Self {
+        self.hint = hint.into();
+        self
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "error[{}]: ", self.code)?;
+        if !self.place.is_empty() {
+            write!(f, "{}: ", clean(&self.place))?;
+        }
+        write!(f, "{}", clean(&self.what))?;
+        if !self.hint.is_empty() {
+            write!(f, "\nhint: {}", clean(&self.hint))?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Failure {}
+
+/// Control characters escaped, so that a file name cannot drive the terminal.
+fn clean(text: &str) -> String {
+    text.chars()
+        .flat_map(|c| {
+            if c.is_control() && c != '\n' {
+                c.escape_default().collect()
+            } else {
+                vec![c]
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_reads_as_place_fault_and_hint() {
+        let f = Failure::new(Exit::Invalid, "nobody-found", "no person in the picture")
+            .at("a\u{1b}b.jpg")
+            .hint("show the whole body");
+        let text = "error[nobody-found]: a\\u{1b}b.jpg: no person in the picture\nhint: show the whole body";
+        assert_eq!(f.to_string(), text);
+    }
+}

@@ -1,0 +1,111 @@
+//! Watching a job: its stages as they finish, and a way to stop it.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Instant;
+
+use crate::failure::{Exit, Failure};
+
+/// A finished stage of a job.
+#[derive(Clone, Debug)]
+pub struct Stage {
+    /// Which one, from 1.
+    pub number: usize,
+    /// How many there are.
+    pub of: usize,
+    /// Its name, one word.
+    pub name: &'static str,
+    /// What came out of it.
+    pub result: String,
+    /// How long it took [s].
+    pub seconds: f64,
+}
+
+/// What a job may call while it works: tells of stages, asks whether to go on.
+pub struct Watch<'a> {
+    tell: Box<dyn FnMut(&Stage) + 'a>,
+    warn: Box<dyn FnMut(&str) + 'a>,
+    stop: Option<&'a AtomicUsize>,
+    since: Instant,
+}
+
+impl<'a> Watch<'a> {
+    /// Nobody watches.
+    pub fn nobody() -> Self {
+        Self::new(|_| {}, |_| {})
+    }
+
+    /// `tell` hears of each finished stage, `warn` of each warning.
+    pub fn new(tell: impl FnMut(&Stage) + 'a, warn: impl FnMut(&str) + 'a) -> Self {
+        Self {
+            tell: Box::new(tell),
+            warn: Box::new(warn),
+            stop: None,
+            since: Instant::now(),
+        }
+    }
+
+    /// Stops at the next stage once `flag` holds a signal's number (2 interrupt, 15 terminate).
+    pub fn stopping_at(mut self, flag: &'a AtomicUsize) -> Self {
+        self.stop = Some(flag);
+        self
+    }
+
+    /// Says something the user should know.
+    pub fn warn(&mut self, text: &str) {
+        (self.warn)(text);
+    }
+
+    /// Ends stage `number` of `of`; returns the seconds it took, or that the user wants to stop.
+    pub fn done(
+        &mut self,
+        (number, of): (usize, usize),
+        name: &'static str,
+        result: String,
+    ) -> Result<f64, Failure> {
+        let seconds = self.since.elapsed().as_secs_f64();
+        self.since = Instant::now();
+        (self.tell)(&Stage {
+            number,
+            of,
+            name,
+            result,
+            seconds,
+        });
+        self.go_on().map(|()| seconds)
+    }
+
+    /// An error once the user has asked to stop.
+    pub fn go_on(&self) -> Result<(), Failure> {
+        match self.stop.map_or(0, |f| f.load(Ordering::Relaxed)) {
+            0 => Ok(()),
+            15 => Err(Failure::new(
+                Exit::Terminated,
+                "stopped",
+                "stopped; nothing was written",
+            )),
+            _ => Err(Failure::new(
+                Exit::Interrupted,
+                "stopped",
+                "stopped; nothing was written",
+            )),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_raised_flag_stops_at_the_next_stage() {
+        let flag = AtomicUsize::new(0);
+        let mut heard = Vec::new();
+        let mut watch = Watch::new(|s| heard.push(s.name), |_| {}).stopping_at(&flag);
+        assert!(watch.done((1, 2), "pose", String::new()).is_ok());
+        flag.store(2, Ordering::Relaxed);
+        let stopped = watch.done((2, 2), "body", String::new()).unwrap_err();
+        assert_eq!(stopped.exit, Exit::Interrupted);
+        drop(watch);
+        assert_eq!(heard, ["pose", "body"]);
+    }
+}
