@@ -1,1 +1,28 @@
 //! The laws: each cloth energy with gradient and Hessian.
+//!
+//! Every law takes positions [m] and gives its energy [J], gradient [N] and a Hessian [N/m] that
+//! is never indefinite, so that a Newton step always descends. A force is the negative gradient;
+//! the caller negates. Three shapes of law share three shapes of answer:
+//!
+//! - on one weighted point ([`AtPoint`]): [`mod@point`] (inertia, gravity, pins, drag),
+//!   [`contact`], [`friction`];
+//! - on a triangle's deformation ([`InPlane`]): [`membrane`], [`stvk`], [`strain`];
+//! - on the four vertices of a hinge ([`Local`]): [`hinge`], [`flat`].
+//!
+//! [`check`] is the suite that each of them passes, exported for every faster variant.
+
+pub mod check;
+pub mod contact;
+pub mod flat;
+pub mod friction;
+pub mod hinge;
+mod local;
+pub mod membrane;
+pub mod point;
+pub mod proximity;
+pub mod strain;
+pub mod stvk;
+mod triangle;
+
+pub use local::{AtPoint, InPlane, Local, outer};
+pub use triangle::RestTriangle;
