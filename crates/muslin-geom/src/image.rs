@@ -14,6 +14,10 @@ pub struct Image {
 impl Image {
     /// A picture of one colour.
     pub fn filled(width: usize, height: usize, colour: [u8; 4]) -> Self {
-        Self { width, height, pixels: vec![colour; width * height] }
+        Self {
+            width,
+            height,
+            pixels: vec![colour; width * height],
+        }
     }
 }

@@ -2,12 +2,21 @@
 //!
 //! Everything is in metres, right-handed, Y up. This room knows no cloth and no people.
 
+pub mod bvh;
+pub mod ccd;
+pub mod closest;
 mod drape;
 mod image;
+pub mod intersect;
 mod mesh;
 mod report;
+#[cfg(test)]
+mod testing;
 
+pub use bvh::{Aabb, Bvh};
+pub use closest::{Closest, Surface};
 pub use drape::{Drape, Part};
 pub use image::Image;
+pub use intersect::{intersecting_pairs, self_intersections};
 pub use mesh::{Mesh, vertex_normals};
 pub use report::{Report, Value};

@@ -51,7 +51,11 @@ mod tests {
         let mesh = Mesh { verts, faces };
         assert!((mesh.volume() - 1.0 / 6.0).abs() < 1e-15);
         let out = DVec3::ONE.normalize();
-        let n = Mesh { verts: mesh.verts[1..].to_vec(), faces: vec![[0, 1, 2]] }.vertex_normals();
+        let n = Mesh {
+            verts: mesh.verts[1..].to_vec(),
+            faces: vec![[0, 1, 2]],
+        }
+        .vertex_normals();
         assert!((n[0] - out).length() < 1e-15);
     }
 }

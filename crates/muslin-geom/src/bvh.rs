@@ -1,0 +1,424 @@
+//! A bounding-volume tree over boxes: who is near whom, in logarithmic time.
+//!
+//! The tree keeps its shape when the boxes move ([`Bvh::refit`]); every answer comes in an order
+//! that depends on the boxes alone, never on the number of threads.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// An axis-aligned box [m].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    /// Smallest corner.
+    pub min: DVec3,
+    /// Largest corner; below `min` in an empty box.
+    pub max: DVec3,
+}
+
+impl Aabb {
+    /// The box of no points.
+    pub const EMPTY: Aabb = Aabb {
+        min: DVec3::INFINITY,
+        max: DVec3::NEG_INFINITY,
+    };
+
+    /// The smallest box around `points`.
+    pub fn of(points: &[DVec3]) -> Aabb {
+        points.iter().fold(Aabb::EMPTY, |b, &p| Aabb {
+            min: b.min.min(p),
+            max: b.max.max(p),
+        })
+    }
+
+    /// The box of triangle corners.
+    pub fn of_face(verts: &[DVec3], face: [u32; 3]) -> Aabb {
+        Aabb::of(&face.map(|i| verts[i as usize]))
+    }
+
+    /// The smallest box around both.
+    pub fn union(self, other: Aabb) -> Aabb {
+        Aabb {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+        }
+    }
+
+    /// The box larger by `margin` on every side.
+    pub fn grown(self, margin: f64) -> Aabb {
+        Aabb {
+            min: self.min - margin,
+            max: self.max + margin,
+        }
+    }
+
+    /// Whether the closed boxes share a point.
+    pub fn overlaps(&self, other: &Aabb) -> bool {
+        self.min.x <= other.max.x
+            && other.min.x <= self.max.x
+            && self.min.y <= other.max.y
+            && other.min.y <= self.max.y
+            && self.min.z <= other.max.z
+            && other.min.z <= self.max.z
+    }
+
+    /// Squared distance from `p` [m²]; zero inside.
+    pub fn distance_squared(&self, p: DVec3) -> f64 {
+        (self.min - p)
+            .max(p - self.max)
+            .max(DVec3::ZERO)
+            .length_squared()
+    }
+
+    fn centre(&self) -> DVec3 {
+        (self.min + self.max) * 0.5
+    }
+}
+
+/// Boxes of triangles, in their order.
+pub fn face_boxes(verts: &[DVec3], faces: &[[u32; 3]]) -> Vec<Aabb> {
+    faces.iter().map(|&f| Aabb::of_face(verts, f)).collect()
+}
+
+/// `count` primitives from `first` in a leaf; otherwise the children are the next node and `first`.
+#[derive(Clone, Debug)]
+struct Node {
+    bounds: Aabb,
+    first: u32,
+    count: u32,
+}
+
+/// A binary tree of boxes over primitives, in depth-first order.
+#[derive(Clone, Debug, Default)]
+pub struct Bvh {
+    nodes: Vec<Node>,
+    order: Vec<u32>,
+    boxes: Vec<Aabb>,
+}
+
+const LEAF: usize = 4;
+/// Pieces a pair query is split into before it is shared among threads.
+const TASKS: usize = 96;
+
+impl Bvh {
+    /// A tree over `boxes`, split at the median of the longest axis.
+    pub fn over(boxes: &[Aabb]) -> Bvh {
+        let mut bvh = Bvh {
+            order: (0..boxes.len() as u32).collect(),
+            ..Bvh::default()
+        };
+        if !boxes.is_empty() {
+            bvh.split(boxes, 0, boxes.len());
+        }
+        bvh.refit(boxes);
+        bvh
+    }
+
+    fn split(&mut self, boxes: &[Aabb], from: usize, to: usize) {
+        let node = self.nodes.len();
+        self.nodes.push(Node {
+            bounds: Aabb::EMPTY,
+            first: from as u32,
+            count: 0,
+        });
+        if to - from <= LEAF {
+            self.nodes[node].count = (to - from) as u32;
+            return;
+        }
+        let part = &mut self.order[from..to];
+        let centres: Vec<DVec3> = part.iter().map(|&i| boxes[i as usize].centre()).collect();
+        let size = { Aabb::of(&centres) };
+        let axis = (size.max - size.min).max_position();
+        let half = part.len() / 2;
+        part.select_nth_unstable_by(half, |&a, &b| {
+            let key = |i: u32| boxes[i as usize].centre()[axis];
+            key(a).total_cmp(&key(b)).then(a.cmp(&b))
+        });
+        self.split(boxes, from, from + half);
+        self.nodes[node].first = self.nodes.len() as u32;
+        self.split(boxes, from + half, to);
+    }
+
+    /// Moves the tree to new boxes of the same primitives.
+    pub fn refit(&mut self, boxes: &[Aabb]) {
+        assert_eq!(
+            boxes.len(),
+            self.order.len(),
+            "a refit keeps the primitives"
+        );
+        self.boxes.clear();
+        self.boxes
+            .extend(self.order.iter().map(|&i| boxes[i as usize]));
+        for i in (0..self.nodes.len()).rev() {
+            let Node { first, count, .. } = self.nodes[i];
+            self.nodes[i].bounds = if count > 0 {
+                let leaf = &self.boxes[first as usize..(first + count) as usize];
+                leaf.iter().fold(Aabb::EMPTY, |a, b| a.union(*b))
+            } else {
+                self.nodes[i + 1]
+                    .bounds
+                    .union(self.nodes[first as usize].bounds)
+            };
+        }
+    }
+
+    /// Calls `visit` with every primitive whose box meets `query`.
+    pub fn near(&self, query: &Aabb, mut visit: impl FnMut(u32)) {
+        self.each(|b| b.overlaps(query), &mut visit);
+    }
+
+    /// Calls `visit` with every primitive whose box, and all boxes around it, satisfy `wanted`.
+    pub fn each(&self, wanted: impl Fn(&Aabb) -> bool, visit: &mut impl FnMut(u32)) {
+        let mut i = 0;
+        // Depth-first order: a rejected subtree is skipped by keeping the way back on a stack.
+        let mut stack: Vec<usize> = Vec::with_capacity(64);
+        while i < self.nodes.len() {
+            let node = &self.nodes[i];
+            if wanted(&node.bounds) {
+                if node.count == 0 {
+                    stack.push(node.first as usize);
+                    i += 1;
+                    continue;
+                }
+                for k in node.first as usize..(node.first + node.count) as usize {
+                    if wanted(&self.boxes[k]) {
+                        visit(self.order[k]);
+                    }
+                }
+            }
+            let Some(next) = stack.pop() else { return };
+            i = next;
+        }
+    }
+
+    /// The primitive nearest to `p` among those closer than `√bound` [m²].
+    ///
+    /// `distance` gives the squared distance to a primitive [m²]; among equals the first found in
+    /// tree order wins.
+    pub fn nearest(
+        &self,
+        p: DVec3,
+        bound: f64,
+        mut distance: impl FnMut(u32) -> f64,
+    ) -> Option<(u32, f64)> {
+        let mut best = (u32::MAX, bound);
+        let mut stack = [(0usize, 0.0f64); 64];
+        let mut depth = usize::from(!self.nodes.is_empty());
+        while depth > 0 {
+            depth -= 1;
+            let (i, near) = stack[depth];
+            if near >= best.1 {
+                continue;
+            }
+            let node = &self.nodes[i];
+            if node.count == 0 {
+                let kids = [i + 1, node.first as usize];
+                let d = kids.map(|k| self.nodes[k].bounds.distance_squared(p));
+                let far = usize::from(d[1] >= d[0]);
+                stack[depth] = (kids[far], d[far]);
+                stack[depth + 1] = (kids[1 - far], d[1 - far]);
+                depth += 2;
+                continue;
+            }
+            for k in node.first as usize..(node.first + node.count) as usize {
+                if self.boxes[k].distance_squared(p) < best.1 {
+                    let d = distance(self.order[k]);
+                    if d < best.1 {
+                        best = (self.order[k], d);
+                    }
+                }
+            }
+        }
+        (best.0 != u32::MAX).then_some(best)
+    }
+
+    /// Pairs `[mine, theirs]` whose boxes come within `margin` [m] on every axis.
+    pub fn pairs(&self, other: &Bvh, margin: f64) -> Vec<[u32; 2]> {
+        if self.nodes.is_empty() || other.nodes.is_empty() {
+            return Vec::new();
+        }
+        Walk {
+            a: self,
+            b: other,
+            margin,
+            same: false,
+        }
+        .run()
+    }
+
+    /// Pairs `[i, j]`, `i < j`, of own primitives whose boxes come within `margin` [m].
+    pub fn self_pairs(&self, margin: f64) -> Vec<[u32; 2]> {
+        if self.nodes.is_empty() {
+            return Vec::new();
+        }
+        Walk {
+            a: self,
+            b: self,
+            margin,
+            same: true,
+        }
+        .run()
+    }
+}
+
+/// A descent through two trees at once.
+struct Walk<'a> {
+    a: &'a Bvh,
+    b: &'a Bvh,
+    margin: f64,
+    same: bool,
+}
+
+impl Walk<'_> {
+    fn run(&self) -> Vec<[u32; 2]> {
+        let tasks = self.tasks();
+        let found: Vec<Vec<[u32; 2]>> = tasks
+            .par_iter()
+            .map(|&(i, j)| {
+                let mut out = Vec::new();
+                self.visit(i, j, &mut out);
+                out
+            })
+            .collect();
+        found.concat()
+    }
+
+    /// Pairs of subtrees that together cover the whole question, in a fixed order.
+    fn tasks(&self) -> Vec<(usize, usize)> {
+        let mut tasks = vec![(0, 0)];
+        loop {
+            let mut next = Vec::new();
+            for &(i, j) in &tasks {
+                self.children(i, j, |i, j| next.push((i, j)));
+            }
+            if next.len() == tasks.len() || next.len() > TASKS {
+                return next;
+            }
+            tasks = next;
+        }
+    }
+
+    /// The pairs one level down that can hold an answer; a pair of leaves is its own child.
+    fn children(&self, i: usize, j: usize, mut child: impl FnMut(usize, usize)) {
+        let (m, n) = (&self.a.nodes[i], &self.b.nodes[j]);
+        if !m.bounds.grown(self.margin).overlaps(&n.bounds) {
+            return;
+        }
+        if m.count > 0 && n.count > 0 {
+            child(i, j);
+        } else if self.same && i == j {
+            child(i + 1, i + 1);
+            child(i + 1, m.first as usize);
+            child(m.first as usize, m.first as usize);
+        } else if n.count > 0 || (m.count == 0 && extent(&m.bounds) >= extent(&n.bounds)) {
+            child(i + 1, j);
+            child(m.first as usize, j);
+        } else {
+            child(i, j + 1);
+            child(i, n.first as usize);
+        }
+    }
+
+    fn visit(&self, i: usize, j: usize, out: &mut Vec<[u32; 2]>) {
+        if self.a.nodes[i].count > 0 && self.b.nodes[j].count > 0 {
+            self.leaves(i, j, out);
+        } else {
+            self.children(i, j, |i, j| self.visit(i, j, out));
+        }
+    }
+
+    fn leaves(&self, i: usize, j: usize, out: &mut Vec<[u32; 2]>) {
+        let span = |n: &Node| n.first as usize..(n.first + n.count) as usize;
+        for k in span(&self.a.nodes[i]) {
+            let grown = self.a.boxes[k].grown(self.margin);
+            let theirs = span(&self.b.nodes[j]);
+            let from = if self.same && i == j {
+                k + 1
+            } else {
+                theirs.start
+            };
+            for l in from..theirs.end {
+                if grown.overlaps(&self.b.boxes[l]) {
+                    let (p, q) = (self.a.order[k], self.b.order[l]);
+                    out.push(if self.same && q < p { [q, p] } else { [p, q] });
+                }
+            }
+        }
+    }
+}
+
+fn extent(b: &Aabb) -> f64 {
+    (b.max - b.min).max_element()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Rng;
+
+    fn soup(n: usize, seed: u64) -> Vec<Aabb> {
+        let mut rng = Rng(seed);
+        let one = |rng: &mut Rng| {
+            let p = rng.vec();
+            Aabb::of(&[p, p + rng.vec() * 0.1])
+        };
+        (0..n).map(|_| one(&mut rng)).collect()
+    }
+
+    #[test]
+    fn pair_queries_agree_with_brute_force() {
+        let (a, b) = (soup(300, 1), soup(200, 2));
+        let (ta, tb) = (Bvh::over(&a), Bvh::over(&b));
+        let grown = |x: &Aabb| x.grown(0.02);
+        let mut want = Vec::new();
+        for i in 0..a.len() {
+            let hits = (0..b.len()).filter(|&j| grown(&a[i]).overlaps(&b[j]));
+            want.extend(hits.map(|j| [i as u32, j as u32]));
+        }
+        let mut got = ta.pairs(&tb, 0.02);
+        got.sort_unstable();
+        assert_eq!(got, want);
+        let mut want = Vec::new();
+        for i in 0..a.len() {
+            let hits = (i + 1..a.len()).filter(|&j| grown(&a[i]).overlaps(&a[j]));
+            want.extend(hits.map(|j| [i as u32, j as u32]));
+        }
+        let mut got = ta.self_pairs(0.02);
+        got.sort_unstable();
+        assert_eq!(got, want);
+    }
+
+    #[test]
+    fn a_refitted_tree_answers_for_the_new_boxes() {
+        let (old, new) = (soup(250, 3), soup(250, 4));
+        let mut tree = Bvh::over(&old);
+        tree.refit(&new);
+        let query = Aabb {
+            min: DVec3::splat(0.3),
+            max: DVec3::splat(0.6),
+        };
+        let mut got = Vec::new();
+        tree.near(&query, |i| got.push(i));
+        got.sort_unstable();
+        let hit = |i: &u32| new[*i as usize].overlaps(&query);
+        assert_eq!(got, (0..250).filter(hit).collect::<Vec<u32>>());
+        assert!(!got.is_empty());
+    }
+
+    #[test]
+    fn the_nearest_box_is_found_and_an_empty_tree_has_none() {
+        let boxes = soup(300, 5);
+        let tree = Bvh::over(&boxes);
+        let mut rng = Rng(6);
+        for _ in 0..100 {
+            let p = rng.vec() * 1.5;
+            let want = boxes
+                .iter()
+                .map(|b| b.distance_squared(p))
+                .fold(f64::INFINITY, f64::min);
+            let got = tree.nearest(p, 9.0, |i| boxes[i as usize].distance_squared(p));
+            // A point inside a box finds it at distance zero.
+            assert_eq!(got.map(|g| g.1), Some(want));
+        }
+        assert_eq!(Bvh::over(&[]).nearest(DVec3::ZERO, 1.0, |_| 0.0), None);
+    }
+}

@@ -1,0 +1,433 @@
+//! Closest points, and the signed distance to a surface.
+
+use glam::DVec3;
+
+use crate::bvh::{Aabb, Bvh, face_boxes};
+
+/// A point of a triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OnTriangle {
+    /// Where it is [m].
+    pub point: DVec3,
+    /// Its weights on the three corners; they sum to one.
+    pub weights: [f64; 3],
+}
+
+/// The point of triangle `t` closest to `p`; a degenerate triangle acts as its edges.
+///
+/// Ericson, Real-Time Collision Detection, 5.1.5.
+pub fn on_triangle(p: DVec3, t: &[DVec3; 3]) -> OnTriangle {
+    let [a, b, c] = *t;
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    let at = |u: f64, v: f64, w: f64| OnTriangle {
+        point: a + ab * v + ac * w,
+        weights: [u, v, w],
+    };
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return at(1.0, 0.0, 0.0);
+    }
+    let bp = p - b;
+    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+    if d3 >= 0.0 && d4 <= d3 {
+        return at(0.0, 1.0, 0.0);
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        let v = d1 / (d1 - d3);
+        return at(1.0 - v, v, 0.0);
+    }
+    let cp = p - c;
+    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+    if d6 >= 0.0 && d5 <= d6 {
+        return at(0.0, 0.0, 1.0);
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        let w = d2 / (d2 - d6);
+        return at(1.0 - w, 0.0, w);
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        return at(0.0, 1.0 - w, w);
+    }
+    let s = 1.0 / (va + vb + vc);
+    at(1.0 - vb * s - vc * s, vb * s, vc * s)
+}
+
+/// The closest points of two segments.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OnSegments {
+    /// Parameters along the first and the second segment, `0..=1`.
+    pub at: [f64; 2],
+    /// From the second segment's point to the first's [m].
+    pub gap: DVec3,
+    /// Length of the gap [m].
+    pub distance: f64,
+}
+
+/// The closest points of segments `a` and `b`; either may be a point, and they may be parallel.
+///
+/// Ericson, Real-Time Collision Detection, 5.1.9.
+pub fn on_segments(a: [DVec3; 2], b: [DVec3; 2]) -> OnSegments {
+    let (d, e, r) = (a[1] - a[0], b[1] - b[0], a[0] - b[0]);
+    let (dd, ee, f) = (d.length_squared(), e.length_squared(), e.dot(r));
+    let (de, c) = (d.dot(e), d.dot(r));
+    let tiny = f64::MIN_POSITIVE;
+    let clamp = |x: f64| x.clamp(0.0, 1.0);
+    let (mut s, mut t) = (0.0, 0.0);
+    if dd > tiny {
+        let denom = dd * ee - de * de;
+        if denom > 1e-14 * dd * ee {
+            s = clamp((de * f - c * ee) / denom);
+        }
+        t = if ee > tiny { (de * s + f) / ee } else { 0.0 };
+        if !(0.0..=1.0).contains(&t) || ee <= tiny {
+            t = clamp(t);
+            s = clamp((de * t - c) / dd);
+        }
+    } else if ee > tiny {
+        t = clamp(f / ee);
+    }
+    let gap = (a[0] + d * s) - (b[0] + e * t);
+    OnSegments {
+        at: [s, t],
+        gap,
+        distance: gap.length(),
+    }
+}
+
+/// Where a query met a [`Surface`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Closest {
+    /// The triangle.
+    pub face: u32,
+    /// The surface point's weights on its corners.
+    pub weights: [f64; 3],
+    /// The surface point [m].
+    pub point: DVec3,
+    /// Unit pseudo-normal there, outward.
+    pub normal: DVec3,
+    /// Distance [m]: positive outside, negative inside.
+    pub signed: f64,
+}
+
+/// A triangle surface that answers how far a point is, and on which side.
+///
+/// The side is told by angle-weighted pseudo-normals, which is exact for a closed surface
+/// without self-intersections (Bærentzen and Aanæs 2005); an open surface answers by its nearest
+/// piece.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    faces: Vec<[u32; 3]>,
+    /// For every face, the edge from each corner to the next.
+    face_edges: Vec<[u32; 3]>,
+    n_edges: usize,
+    verts: Vec<DVec3>,
+    bvh: Bvh,
+    face_normals: Vec<DVec3>,
+    edge_normals: Vec<DVec3>,
+    vertex_normals: Vec<DVec3>,
+}
+
+impl Surface {
+    /// A surface over triangles, counter-clockwise seen from outside.
+    pub fn new(verts: &[DVec3], faces: &[[u32; 3]]) -> Surface {
+        let (face_edges, n_edges) = number_edges(faces);
+        let mut surface = Surface {
+            faces: faces.to_vec(),
+            face_edges,
+            n_edges,
+            verts: verts.to_vec(),
+            bvh: Bvh::over(&face_boxes(verts, faces)),
+            face_normals: Vec::new(),
+            edge_normals: Vec::new(),
+            vertex_normals: Vec::new(),
+        };
+        surface.find_normals();
+        surface
+    }
+
+    /// Moves the surface to new positions [m] of the same vertices.
+    pub fn refit(&mut self, verts: &[DVec3]) {
+        self.verts.clear();
+        self.verts.extend_from_slice(verts);
+        self.bvh.refit(&face_boxes(verts, &self.faces));
+        self.find_normals();
+    }
+
+    /// Positions [m].
+    pub fn verts(&self) -> &[DVec3] {
+        &self.verts
+    }
+
+    /// Triangles.
+    pub fn faces(&self) -> &[[u32; 3]] {
+        &self.faces
+    }
+
+    /// The tree over the triangles' boxes.
+    pub fn bvh(&self) -> &Bvh {
+        &self.bvh
+    }
+
+    /// Unit pseudo-normals at the vertices; zero where nothing is attached.
+    pub fn vertex_normals(&self) -> &[DVec3] {
+        &self.vertex_normals
+    }
+
+    /// Corners of a face [m].
+    pub fn corners(&self, face: u32) -> [DVec3; 3] {
+        self.faces[face as usize].map(|i| self.verts[i as usize])
+    }
+
+    /// The nearest surface point closer than `within` [m].
+    pub fn closest(&self, p: DVec3, within: f64) -> Option<Closest> {
+        self.bounded(p, within * within, None)
+    }
+
+    /// As [`Surface::closest`], sped up by a face that was near before.
+    pub fn closest_near(&self, p: DVec3, within: f64, hint: u32) -> Option<Closest> {
+        let d = on_triangle(p, &self.corners(hint))
+            .point
+            .distance_squared(p);
+        let bound = within * within;
+        if d < bound {
+            self.bounded(p, d, Some(hint))
+        } else {
+            self.bounded(p, bound, None)
+        }
+    }
+
+    fn bounded(&self, p: DVec3, bound: f64, hint: Option<u32>) -> Option<Closest> {
+        let distance = |f: u32| on_triangle(p, &self.corners(f)).point.distance_squared(p);
+        let face = self.bvh.nearest(p, bound, distance).map(|b| b.0).or(hint)?;
+        Some(self.at(p, face))
+    }
+
+    /// The point of one face nearest to `p`, with the side of the surface that `p` is on.
+    pub fn at(&self, p: DVec3, face: u32) -> Closest {
+        let hit = on_triangle(p, &self.corners(face));
+        let normal = self.pseudo_normal(face, hit.weights);
+        let away = p - hit.point;
+        let signed = away.length() * if away.dot(normal) < 0.0 { -1.0 } else { 1.0 };
+        Closest {
+            face,
+            weights: hit.weights,
+            point: hit.point,
+            normal,
+            signed,
+        }
+    }
+
+    fn pseudo_normal(&self, face: u32, w: [f64; 3]) -> DVec3 {
+        let f = face as usize;
+        let zero = w.map(|x| x <= 0.0);
+        match zero {
+            [false, true, true] => self.vertex_normals[self.faces[f][0] as usize],
+            [true, false, true] => self.vertex_normals[self.faces[f][1] as usize],
+            [true, true, false] => self.vertex_normals[self.faces[f][2] as usize],
+            [false, false, true] => self.edge_normals[self.face_edges[f][0] as usize],
+            [true, false, false] => self.edge_normals[self.face_edges[f][1] as usize],
+            [false, true, false] => self.edge_normals[self.face_edges[f][2] as usize],
+            _ => self.face_normals[f],
+        }
+    }
+
+    /// How many times the surface winds around `p`: 1 inside a closed surface, 0 outside, 2 where
+    /// it overlaps itself. A ray's signed crossings are counted.
+    pub fn winding(&self, p: DVec3) -> i32 {
+        // A direction no model is aligned with, so that rays rarely graze edges.
+        let dir = DVec3::new(0.310_7, 0.912_3, 0.266_1);
+        let inv = dir.recip();
+        let hits = |b: &Aabb| {
+            let (a, b) = ((b.min - p) * inv, (b.max - p) * inv);
+            let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
+            near <= far
+        };
+        let mut turns = 0;
+        self.bvh
+            .each(hits, &mut |f| turns += crossing(p, dir, &self.corners(f)));
+        turns
+    }
+
+    fn find_normals(&mut self) {
+        self.face_normals.clear();
+        self.edge_normals.clear();
+        self.edge_normals.resize(self.n_edges, DVec3::ZERO);
+        self.vertex_normals.clear();
+        self.vertex_normals.resize(self.verts.len(), DVec3::ZERO);
+        for (f, e) in self.faces.iter().zip(&self.face_edges) {
+            let x = f.map(|i| self.verts[i as usize]);
+            let n = (x[1] - x[0]).cross(x[2] - x[0]).normalize_or_zero();
+            self.face_normals.push(n);
+            for k in 0..3 {
+                self.edge_normals[e[k] as usize] += n;
+                self.vertex_normals[f[k] as usize] += n * corner_angle(&x, k);
+            }
+        }
+        let unit = |v: &mut DVec3| *v = v.normalize_or_zero();
+        self.edge_normals.iter_mut().for_each(unit);
+        self.vertex_normals.iter_mut().for_each(unit);
+    }
+}
+
+fn corner_angle(x: &[DVec3; 3], k: usize) -> f64 {
+    let (a, b) = (x[(k + 1) % 3] - x[k], x[(k + 2) % 3] - x[k]);
+    a.cross(b).length().atan2(a.dot(b))
+}
+
+/// +1 where the ray leaves through the triangle, -1 where it enters, 0 where it misses.
+fn crossing(p: DVec3, dir: DVec3, t: &[DVec3; 3]) -> i32 {
+    let [a, b, c] = t.map(|v| v - p);
+    let (u, v, w) = (
+        dir.dot(c.cross(b)),
+        dir.dot(a.cross(c)),
+        dir.dot(b.cross(a)),
+    );
+    let all = |s: f64| u * s > 0.0 && v * s > 0.0 && w * s > 0.0;
+    let ahead = |det: f64| (a * u + b * v + c * w).dot(dir) * det > 0.0;
+    let det = u + v + w;
+    if (all(1.0) || all(-1.0)) && ahead(det) {
+        if det < 0.0 { 1 } else { -1 }
+    } else {
+        0
+    }
+}
+
+/// Numbers the edges of `faces` in the order of their first use.
+fn number_edges(faces: &[[u32; 3]]) -> (Vec<[u32; 3]>, usize) {
+    let mut keys: Vec<(u32, u32, u32)> = Vec::with_capacity(faces.len() * 3);
+    for (i, f) in faces.iter().enumerate() {
+        for k in 0..3 {
+            let (a, b) = (f[k], f[(k + 1) % 3]);
+            keys.push((a.min(b), a.max(b), (3 * i + k) as u32));
+        }
+    }
+    keys.sort_unstable();
+    let mut face_edges = vec![[0; 3]; faces.len()];
+    let mut n = 0;
+    for i in 0..keys.len() {
+        if i > 0 && (keys[i].0, keys[i].1) != (keys[i - 1].0, keys[i - 1].1) {
+            n += 1;
+        }
+        face_edges[keys[i].2 as usize / 3][keys[i].2 as usize % 3] = n as u32;
+    }
+    (face_edges, n + usize::from(!keys.is_empty()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Rng, sphere};
+
+    #[test]
+    fn the_closest_point_of_a_triangle_beats_a_fine_grid() {
+        let mut rng = Rng(21);
+        for _ in 0..300 {
+            let t = [rng.vec(), rng.vec(), rng.vec()];
+            let p = rng.vec() * 3.0 - 1.0;
+            let got = on_triangle(p, &t);
+            let rebuilt = t[0] * got.weights[0] + t[1] * got.weights[1] + t[2] * got.weights[2];
+            assert!(rebuilt.distance(got.point) < 1e-12);
+            let mut best = f64::INFINITY;
+            for i in 0..=40 {
+                for j in 0..=40 - i {
+                    let (u, v) = (f64::from(i) / 40.0, f64::from(j) / 40.0);
+                    best = best.min((t[0] * (1.0 - u - v) + t[1] * u + t[2] * v).distance(p));
+                }
+            }
+            let d = got.point.distance(p);
+            assert!(d <= best + 1e-12 && best - d < 0.05, "{d} against {best}");
+        }
+    }
+
+    #[test]
+    fn the_closest_points_of_segments_beat_a_fine_grid() {
+        let mut rng = Rng(22);
+        for i in 0..400 {
+            let a = [rng.vec(), rng.vec()];
+            let b = match i % 4 {
+                0 => [a[0] + DVec3::Z, a[1] + DVec3::Z], // parallel
+                1 => [rng.vec(); 2],                     // a point
+                _ => [rng.vec(), rng.vec()],
+            };
+            let got = on_segments(a, b);
+            let mut best = f64::INFINITY;
+            for (j, k) in (0..=50).flat_map(|j| (0..=50).map(move |k| (j, k))) {
+                let (s, t) = (f64::from(j) / 50.0, f64::from(k) / 50.0);
+                best = best.min(a[0].lerp(a[1], s).distance(b[0].lerp(b[1], t)));
+            }
+            assert!(got.distance <= best + 1e-9 && best - got.distance < 0.05);
+            let back = a[0].lerp(a[1], got.at[0]) - b[0].lerp(b[1], got.at[1]);
+            assert!(back.distance(got.gap) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn signed_distance_and_winding_know_inside_from_outside() {
+        let mesh = sphere(24, 40);
+        let surface = Surface::new(&mesh.verts, &mesh.faces);
+        let mut rng = Rng(23);
+        let mut inside = 0;
+        for _ in 0..500 {
+            let p = (rng.vec() - 0.5) * 3.0;
+            let hit = surface
+                .closest(p, 10.0)
+                .expect("everything is within ten metres");
+            assert!(
+                (hit.signed - (p.length() - 1.0)).abs() < 0.02,
+                "{} at {p}",
+                hit.signed
+            );
+            assert_eq!(surface.winding(p), i32::from(hit.signed < 0.0));
+            inside += usize::from(hit.signed < 0.0);
+            let hinted = surface
+                .closest_near(p, 10.0, 7)
+                .expect("the hint is near enough");
+            assert!((hinted.signed - hit.signed).abs() < 1e-12);
+        }
+        assert!(inside > 30);
+        assert_eq!(surface.closest(DVec3::X * 3.0, 1.0), None);
+    }
+
+    #[test]
+    fn a_spike_is_outside_whatever_face_is_nearest() {
+        // Beyond a sharp tip the nearest point is the tip: one face's normal alone would be wrong.
+        let verts = vec![
+            DVec3::Y * 5.0,
+            DVec3::new(1.0, 0.0, 1.0),
+            DVec3::new(1.0, 0.0, -1.0),
+            DVec3::new(-1.0, 0.0, -1.0),
+            DVec3::new(-1.0, 0.0, 1.0),
+        ];
+        let faces = [
+            [0, 1, 2],
+            [0, 2, 3],
+            [0, 3, 4],
+            [0, 4, 1],
+            [1, 4, 3],
+            [1, 3, 2],
+        ];
+        let surface = Surface::new(&verts, &faces);
+        for p in [
+            DVec3::new(0.5, 5.2, 0.0),
+            DVec3::new(0.0, 5.2, -0.5),
+            DVec3::Y * 5.1,
+        ] {
+            assert!(surface.closest(p, 9.0).expect("near").signed > 0.0);
+        }
+        assert!(surface.closest(DVec3::Y, 9.0).expect("near").signed < 0.0);
+    }
+
+    #[test]
+    fn a_refitted_surface_is_where_it_was_moved_to() {
+        let mesh = sphere(10, 16);
+        let mut surface = Surface::new(&mesh.verts, &mesh.faces);
+        let moved: Vec<DVec3> = mesh.verts.iter().map(|p| *p * 2.0 + DVec3::X).collect();
+        surface.refit(&moved);
+        let hit = surface.closest(DVec3::X, 9.0).expect("near");
+        assert!((-2.0..-1.9).contains(&hit.signed), "{}", hit.signed);
+    }
+}
