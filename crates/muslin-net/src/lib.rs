@@ -1,1 +1,15 @@
-//! Small networks, forward and back, over one matrix-product crate.
+//! Small networks, forward, over one matrix product of our own.
+//!
+//! A [`Graph`] is data: tensors, constants and operations as a file states them. A [`Net`] is
+//! that graph checked, folded and packed, ready to run on one core in 32-bit floats. Images lie
+//! as rows, columns, channels (NHWC) with a batch of one.
+
+mod graph;
+mod kernels;
+mod net;
+mod plan;
+mod shape;
+mod simd;
+
+pub use graph::{Activation, Graph, Kind, Node, Padding, Tensor, Window};
+pub use net::{Net, NetError, Scratch};
