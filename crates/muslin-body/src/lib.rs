@@ -1,1 +1,46 @@
 //! Any rigged avatar: shape, skeleton, pose, motion, skinning, measurements.
+//!
+//! ```
+//! use muslin_body::{Avatar, Pose, Shape};
+//! let avatar = Avatar::embedded()?;
+//! let shape = Shape::default().with("gender", 0.1)?.with_height(&avatar, 1.68)?;
+//! let figure = avatar.figure(&shape)?;
+//! let posed = avatar.pose(&figure, &Pose::rest(&avatar));
+//! assert!((avatar.measure(&figure).height - 1.68).abs() < 1e-4);
+//! assert_eq!(posed.verts.len(), figure.verts.len());
+//! # Ok::<(), muslin_body::BodyError>(())
+//! ```
+//!
+//! Metres, kilograms, radians; Y up, right-handed, the body faces +Z and its left arm is
+//! at +X. The vertices of an avatar are, in this order: the body, the eyes, the
+//! tights (a cloth-like second skin) and the skirt; see [`Avatar::part`].
+
+mod asset;
+mod avatar;
+mod blend;
+mod cover;
+mod error;
+mod export;
+mod figure;
+mod groups;
+mod keypoints;
+mod measure;
+mod names;
+mod pose;
+mod rig;
+mod shape;
+mod solve;
+mod sparse;
+
+pub use asset::{decode, encode};
+pub use avatar::{Avatar, AvatarParts, Part, PartCounts, Target, Unwelded};
+pub use blend::{Blend, TAGS};
+pub use error::BodyError;
+pub use export::ExportRig;
+pub use figure::Figure;
+pub use keypoints::{BODY25, COCO17, Keypoint, Keypoints, Layout, REGRESSED};
+pub use measure::{DENSITY, Measures};
+pub use pose::{Motion, Pose, Posed};
+pub use rig::{Bone, Rig};
+pub use shape::{PHENOTYPES, Shape};
+pub use sparse::Sparse;

@@ -1,0 +1,342 @@
+//! The avatar as bytes.
+//!
+//! `MUSLINBD`, version, length, then one zlib stream. Everything inside is whole numbers:
+//! lengths in fixed steps, written as the difference from what the neighbours on the mesh
+//! foretell, in planes of equal significance, which is what deflate is good at. Reading
+//! trusts nothing: every count is checked against the bytes that are there.
+
+mod bytes;
+mod foretell;
+
+use crate::{AvatarParts, BodyError, Bone, PartCounts, Sparse, Target};
+use bytes::{Reader, Writer};
+use foretell::Mesh;
+use glam::DVec3;
+
+/// Steps of the mean body [m].
+const MEAN_STEP: f64 = 1e-6;
+/// Steps of the shape modes [m]; a mode's weight has unit variance among adults.
+const MODE_STEP: f64 = 12e-6;
+/// Steps of the sliders [m].
+const TARGET_STEP: f64 = 20e-6;
+/// How far rounding of the blend may move a point by one term [m].
+const BLEND_STEP: f64 = 2e-6;
+/// Skin weights and keypoint weights are this many parts of their sum.
+const WEIGHT_STEPS: f64 = 65535.0;
+/// Steps across the picture of the skin.
+const UV_STEPS: f64 = 65535.0;
+
+const MAGIC: &[u8; 8] = b"MUSLINBD";
+const VERSION: u32 = 1;
+/// No avatar is larger than this when unpacked.
+const LARGEST: usize = 128 << 20;
+
+/// The bytes of an avatar; lengths and weights are rounded to the steps above.
+pub fn encode(parts: &AvatarParts) -> Vec<u8> {
+    let mut w = Writer::default();
+    put_topology(&mut w, parts);
+    let mesh = Mesh::new(parts.mean.len(), &parts.quads);
+    put_mean(&mut w, parts, &mesh);
+    let mesh = mesh.with_places(&rounded(parts));
+    put_rig(&mut w, parts, &mesh);
+    put_modes(&mut w, parts, &mesh);
+    put_blend(&mut w, parts);
+    put_targets(&mut w, parts, &mesh);
+    bytes::pack(MAGIC, VERSION, w)
+}
+
+/// The avatar in these bytes.
+pub fn decode(packed: &[u8]) -> Result<AvatarParts, BodyError> {
+    let raw = bytes::unpack(MAGIC, VERSION, packed, LARGEST)?;
+    let mut r = Reader::new(&raw);
+    let mut parts = AvatarParts::default();
+    let n_points = get_topology(&mut r, &mut parts)?;
+    let mesh = Mesh::new(n_points, &parts.quads);
+    get_mean(&mut r, &mut parts, &mesh)?;
+    let mesh = mesh.with_places(&rounded(&parts));
+    get_rig(&mut r, &mut parts, &mesh)?;
+    get_modes(&mut r, &mut parts, &mesh)?;
+    get_blend(&mut r, &mut parts)?;
+    get_targets(&mut r, &mut parts, &mesh)?;
+    r.finish()?;
+    Ok(parts)
+}
+
+fn rounded(parts: &AvatarParts) -> Vec<[i32; 3]> {
+    parts
+        .mean
+        .iter()
+        .map(|p| p.to_array().map(|x| (x / MEAN_STEP).round() as i32))
+        .collect()
+}
+
+fn put_topology(w: &mut Writer, parts: &AvatarParts) {
+    let c = &parts.counts;
+    for n in [c.body, c.eyes, c.tights, c.skirt, parts.mean.len()] {
+        w.number(n as u32);
+    }
+    put_quads(w, &parts.quads);
+    put_quads(w, &parts.quad_uvs);
+    put_quads(w, &parts.caps);
+    let uv = |k: usize| {
+        parts
+            .uvs
+            .iter()
+            .map(move |t| (f64::from(t[k]) * UV_STEPS).round() as i32)
+    };
+    w.differences(uv(0));
+    w.differences(uv(1));
+    w.differences(parts.cavities.iter().map(|&i| i as i32));
+    w.differences(parts.waist.iter().map(|&i| i as i32));
+}
+
+fn get_topology(r: &mut Reader, parts: &mut AvatarParts) -> Result<usize, BodyError> {
+    let mut counts = [0usize; 5];
+    for n in &mut counts {
+        *n = r.number()? as usize;
+        if *n > 1 << 20 {
+            return Err(BodyError::Corrupt("too many points"));
+        }
+    }
+    let [body, eyes, tights, skirt, n_points] = counts;
+    parts.counts = PartCounts {
+        body,
+        eyes,
+        tights,
+        skirt,
+    };
+    if parts.counts.total() > n_points {
+        return Err(BodyError::Corrupt("too few points"));
+    }
+    parts.quads = get_quads(r, n_points)?;
+    parts.quad_uvs = get_quads(r, usize::MAX)?;
+    parts.caps = get_quads(r, n_points)?;
+    let (u, v) = (r.differences()?, r.differences()?);
+    let place = |(&u, &v): (&i32, &i32)| [u, v].map(|t| (f64::from(t) / UV_STEPS) as f32);
+    parts.uvs = u.iter().zip(&v).map(place).collect();
+    parts.cavities = indices(&r.differences()?, parts.quads.len())?;
+    parts.waist = indices(&r.differences()?, n_points)?;
+    Ok(n_points)
+}
+
+/// Corners, each relative to the one before, the first to that of the quad before.
+fn put_quads(w: &mut Writer, quads: &[[u32; 4]]) {
+    w.differences(quads.iter().map(|q| q[0] as i32));
+    for k in 1..4 {
+        w.ints(quads.iter().map(|q| q[k] as i32 - q[k - 1] as i32));
+    }
+}
+
+fn get_quads(r: &mut Reader, n: usize) -> Result<Vec<[u32; 4]>, BodyError> {
+    let mut columns = [r.differences()?, r.ints()?, r.ints()?, r.ints()?];
+    for k in 1..4 {
+        let [before, this] = [k - 1, k];
+        if columns[this].len() != columns[before].len() {
+            return Err(BodyError::Corrupt("a face without corners"));
+        }
+        for i in 0..columns[this].len() {
+            columns[this][i] = columns[this][i].wrapping_add(columns[before][i]);
+        }
+    }
+    let columns = [0, 1, 2, 3].map(|k| indices(&columns[k], n));
+    let [a, b, c, d] = columns;
+    let (a, b, c, d) = (a?, b?, c?, d?);
+    Ok((0..a.len()).map(|i| [a[i], b[i], c[i], d[i]]).collect())
+}
+
+/// Whole numbers that must be indices below `n`.
+fn indices(ints: &[i32], n: usize) -> Result<Vec<u32>, BodyError> {
+    let one = |&i: &i32| u32::try_from(i).ok().filter(|&u| (u as usize) < n);
+    ints.iter()
+        .map(one)
+        .collect::<Option<_>>()
+        .ok_or(BodyError::Corrupt("an index out of range"))
+}
+
+fn put_mean(w: &mut Writer, parts: &AvatarParts, mesh: &Mesh) {
+    mesh.put(w, &rounded(parts));
+}
+
+fn get_mean(r: &mut Reader, parts: &mut AvatarParts, mesh: &Mesh) -> Result<(), BodyError> {
+    let places = mesh.get(r)?;
+    parts.mean = places
+        .iter()
+        .map(|p| DVec3::from(p.map(f64::from)) * MEAN_STEP)
+        .collect();
+    Ok(())
+}
+
+fn put_rig(w: &mut Writer, parts: &AvatarParts, mesh: &Mesh) {
+    let rig = &parts.rig;
+    w.names(rig.bones.iter().map(|b| b.name.as_str()));
+    w.ints(rig.bones.iter().map(|b| b.parent.map_or(-1, |p| p as i32)));
+    w.ints(rig.bones.iter().map(|b| b.head as i32));
+    w.ints(rig.bones.iter().map(|b| b.tail as i32));
+    let order: Vec<usize> = mesh.order().filter(|&i| i < parts.counts.total()).collect();
+    put_sparse(w, &rig.weights, order.into_iter());
+    put_sparse(w, &parts.regressors, 0..parts.regressors.n_rows());
+}
+
+fn get_rig(r: &mut Reader, parts: &mut AvatarParts, mesh: &Mesh) -> Result<(), BodyError> {
+    let names = r.names()?;
+    let (parents, heads, tails) = (r.ints()?, r.ints()?, r.ints()?);
+    if [parents.len(), heads.len(), tails.len()] != [names.len(); 3] {
+        return Err(BodyError::Corrupt("bones of different counts"));
+    }
+    let bone = |(i, name): (usize, String)| Bone {
+        name,
+        parent: usize::try_from(parents[i]).ok(),
+        head: heads[i] as u32,
+        tail: tails[i] as u32,
+    };
+    parts.rig.bones = names.into_iter().enumerate().map(bone).collect();
+    let order: Vec<usize> = mesh.order().filter(|&i| i < parts.counts.total()).collect();
+    parts.rig.weights = get_sparse(r, &order)?;
+    let n_rows = crate::REGRESSED.len();
+    parts.regressors = get_sparse(r, &(0..n_rows).collect::<Vec<_>>())?;
+    Ok(())
+}
+
+/// Rows in `order`: their lengths, their columns, their weights as parts of [`WEIGHT_STEPS`].
+fn put_sparse(w: &mut Writer, rows: &Sparse, order: impl Iterator<Item = usize> + Clone) {
+    let items = || order.clone().flat_map(|i| rows.row(i));
+    w.ints(order.clone().map(|i| rows.row(i).len() as i32));
+    w.differences(items().map(|&(c, _)| c as i32));
+    w.ints(items().map(|&(_, x)| (x * WEIGHT_STEPS).round().max(1.0) as i32));
+}
+
+fn get_sparse(r: &mut Reader, order: &[usize]) -> Result<Sparse, BodyError> {
+    let bad = BodyError::Corrupt("rows of weights");
+    let (lengths, columns, steps) = (r.ints()?, r.differences()?, r.ints()?);
+    let total: i64 = lengths.iter().map(|&n| i64::from(n)).sum();
+    let whole = lengths.len() == order.len() && lengths.iter().all(|&n| n > 0);
+    if !whole || total != columns.len() as i64 || columns.len() != steps.len() {
+        return Err(bad);
+    }
+    let mut rows = vec![0..0; order.len()];
+    let mut start = 0;
+    for (&i, &n) in order.iter().zip(&lengths) {
+        rows[i] = start..start + n as usize;
+        start += n as usize;
+    }
+    let mut out = Sparse::new();
+    for range in rows {
+        let sum: f64 = steps[range.clone()].iter().map(|&s| f64::from(s)).sum();
+        out.push(range.map(|k| (columns[k] as u32, f64::from(steps[k]) / sum)));
+    }
+    Ok(out)
+}
+
+fn put_modes(w: &mut Writer, parts: &AvatarParts, mesh: &Mesh) {
+    w.number(parts.blend.n_modes() as u32);
+    for mode in parts.modes.as_chunks().0.chunks(parts.mean.len()) {
+        mesh.put(w, &steps_of(mode, MODE_STEP));
+    }
+}
+
+fn steps_of(moves: &[[f32; 3]], step: f64) -> Vec<[i32; 3]> {
+    moves
+        .iter()
+        .map(|d| d.map(|x| (f64::from(x) / step).round() as i32))
+        .collect()
+}
+
+fn get_modes(r: &mut Reader, parts: &mut AvatarParts, mesh: &Mesh) -> Result<(), BodyError> {
+    let n = r.number()? as usize;
+    if n.saturating_mul(12 * parts.mean.len()) > LARGEST {
+        return Err(BodyError::Corrupt("too many modes"));
+    }
+    parts.modes.reserve_exact(3 * n * parts.mean.len());
+    for _ in 0..n {
+        let moves = mesh.get(r)?;
+        parts.modes.extend(
+            moves
+                .iter()
+                .flatten()
+                .map(|&q| (f64::from(q) * MODE_STEP) as f32),
+        );
+    }
+    parts.blend.bias = vec![0.0; n];
+    Ok(())
+}
+
+/// The blend's rows in steps that move no point by more than [`BLEND_STEP`].
+fn put_blend(w: &mut Writer, parts: &AvatarParts) {
+    let blend = &parts.blend;
+    w.ints(blend.terms.iter().map(|t| t.len() as i32));
+    w.ints(blend.terms.iter().flatten().map(|&t| i32::from(t)));
+    let n = blend.terms.len();
+    for m in 0..blend.n_modes() {
+        let far = 3 * parts.mean.len();
+        let reach = parts.modes[m * far..(m + 1) * far]
+            .iter()
+            .fold(1e-4f32, |a, x| a.max(x.abs()));
+        // Written as a float and read back, so that both sides use the same step.
+        let step = (BLEND_STEP / f64::from(reach)) as f32;
+        w.number(step.to_bits());
+        let row = blend.projection[m * n..(m + 1) * n]
+            .iter()
+            .chain([&blend.bias[m]]);
+        w.ints(row.map(|p| (p / f64::from(step)).round() as i32));
+    }
+}
+
+fn get_blend(r: &mut Reader, parts: &mut AvatarParts) -> Result<(), BodyError> {
+    let (lengths, tags) = (r.ints()?, r.ints()?);
+    let mut tags = tags.into_iter();
+    for n in lengths {
+        let term: Vec<u8> = tags
+            .by_ref()
+            .take(n.max(0) as usize)
+            .map(|t| t as u8)
+            .collect();
+        parts.blend.terms.push(term);
+    }
+    for m in 0..parts.blend.n_modes() {
+        let step = f64::from(f32::from_bits(r.number()?));
+        let row = r.ints()?;
+        if row.len() != parts.blend.terms.len() + 1 || !step.is_finite() {
+            return Err(BodyError::Corrupt("a blend row"));
+        }
+        let row: Vec<f64> = row.iter().map(|&q| f64::from(q) * step).collect();
+        let (bias, projection) = row.split_last().expect("a row has a bias");
+        parts.blend.bias[m] = *bias;
+        parts.blend.projection.extend(projection);
+    }
+    Ok(())
+}
+
+fn put_targets(w: &mut Writer, parts: &AvatarParts, mesh: &Mesh) {
+    w.names(parts.targets.iter().map(|t| t.name.as_str()));
+    w.names(
+        parts
+            .targets
+            .iter()
+            .map(|t| t.opposite.as_deref().unwrap_or("")),
+    );
+    for t in &parts.targets {
+        mesh.put_some(w, &t.up, TARGET_STEP);
+        mesh.put_some(w, &t.down, TARGET_STEP);
+    }
+}
+
+fn get_targets(r: &mut Reader, parts: &mut AvatarParts, mesh: &Mesh) -> Result<(), BodyError> {
+    let (names, opposites) = (r.names()?, r.names()?);
+    if names.len() != opposites.len() {
+        return Err(BodyError::Corrupt("sliders without ends"));
+    }
+    for (name, opposite) in names.into_iter().zip(opposites) {
+        let opposite = Some(opposite).filter(|o| !o.is_empty());
+        let (up, down) = (
+            mesh.get_some(r, TARGET_STEP)?,
+            mesh.get_some(r, TARGET_STEP)?,
+        );
+        parts.targets.push(Target {
+            name,
+            opposite,
+            up,
+            down,
+        });
+    }
+    Ok(())
+}

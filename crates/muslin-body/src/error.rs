@@ -1,0 +1,74 @@
+//! What can go wrong with a body, and what to do about it.
+
+/// Why a body could not be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BodyError {
+    /// The bytes are not a whole avatar.
+    #[error(
+        "the avatar data is damaged ({0}); install again, or rebuild it with `cargo xtask assets body`"
+    )]
+    Corrupt(&'static str),
+    /// No phenotype has this name.
+    #[error("no phenotype is called {name:?}; there are {}", crate::PHENOTYPES.join(", "))]
+    UnknownPhenotype {
+        /// The name that was asked for.
+        name: String,
+    },
+    /// No local target has this name.
+    #[error("no body slider is called {name:?}; near it: {}", nearest.join(", "))]
+    UnknownTarget {
+        /// The name that was asked for.
+        name: String,
+        /// Names that exist, the most alike first.
+        nearest: Vec<String>,
+    },
+    /// No bone has this name.
+    #[error("no bone is called {name:?}; near it: {}", nearest.join(", "))]
+    UnknownBone {
+        /// The name that was asked for.
+        name: String,
+        /// Names that exist, the most alike first.
+        nearest: Vec<String>,
+    },
+    /// A value lies outside its range, or is not a number.
+    #[error("{name} is {value}, but must lie between {least} and {most}")]
+    OutOfRange {
+        /// Phenotype or target.
+        name: String,
+        /// What was given.
+        value: f64,
+        /// Smallest value allowed.
+        least: f64,
+        /// Largest value allowed.
+        most: f64,
+    },
+    /// An age below adulthood.
+    #[error(
+        "age {0:.3} is a child's; this body is for adults, whose age runs from 0.667 (about 25 years) to 1 (about 90)"
+    )]
+    Child(f64),
+    /// No value of the height phenotype gives this height.
+    #[error(
+        "a height of {asked:.3} m is out of reach for this body, which can be {least:.3} to {most:.3} m tall; another gender, age or proportion reaches further"
+    )]
+    HeightOutOfReach {
+        /// What was asked for [m].
+        asked: f64,
+        /// Smallest height this body can have [m].
+        least: f64,
+        /// Largest height this body can have [m].
+        most: f64,
+    },
+    /// No value of the weight phenotype gives this mass.
+    #[error(
+        "{asked:.1} kg is out of reach for this body, which can weigh {least:.1} to {most:.1} kg at its height; another muscle, gender or height reaches further"
+    )]
+    MassOutOfReach {
+        /// What was asked for [kg].
+        asked: f64,
+        /// Smallest mass this body can have [kg].
+        least: f64,
+        /// Largest mass this body can have [kg].
+        most: f64,
+    },
+}

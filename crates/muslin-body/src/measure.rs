@@ -1,0 +1,219 @@
+//! A figure's measures: what a scale, a stadiometer and a tape would say.
+
+use crate::{Avatar, Figure, Part};
+use glam::{DVec2, DVec3};
+
+/// Mass of a body by its volume [kg/m³].
+///
+/// Bodies float with full lungs and sink with empty ones: between 950 and 1,060. The
+/// figure is that of the anny package's own anthropometry.
+pub const DENSITY: f64 = 980.0;
+
+/// Measures of a figure in the rest pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measures {
+    /// Crown to sole [m].
+    pub height: f64,
+    /// Inside the closed skin [m³].
+    pub volume: f64,
+    /// Volume times [`DENSITY`] [kg].
+    pub mass: f64,
+    /// Around the fullest part of the chest, under the arms [m].
+    pub chest: f64,
+    /// Around the natural waist, along the skin [m].
+    pub waist: f64,
+    /// Around the fullest part of the seat [m].
+    pub hip: f64,
+    /// Inside of the leg, crotch to sole [m].
+    pub inseam: f64,
+    /// Shoulder point to wrist along the arm [m].
+    pub arm: f64,
+    /// Between the shoulder joints [m].
+    pub shoulders: f64,
+}
+
+impl Avatar {
+    /// The measures of `figure`.
+    pub fn measure(&self, figure: &Figure) -> Measures {
+        let volume = self.volume(figure);
+        let (crotch, sole) = (
+            self.crotch(figure),
+            lowest(&figure.verts[self.part(Part::Body)]),
+        );
+        Measures {
+            height: self.height(figure),
+            volume,
+            mass: volume * DENSITY,
+            chest: self.chest(figure),
+            waist: self.waist(figure),
+            hip: self.hip(figure, crotch),
+            inseam: crotch - sole,
+            arm: self.arm(figure),
+            shoulders: self
+                .joint(figure, "upperarm01.L")
+                .distance(self.joint(figure, "upperarm01.R")),
+        }
+    }
+
+    /// Crown to sole [m].
+    pub fn height(&self, figure: &Figure) -> f64 {
+        span(self.stature.iter().map(|&i| figure.verts[i as usize]))
+    }
+
+    /// Inside the closed skin [m³], by the divergence theorem.
+    pub fn volume(&self, figure: &Figure) -> f64 {
+        let six = self.collision_faces().iter().map(|f| {
+            let [a, b, c] = f.map(|i| figure.verts[i as usize]);
+            a.dot(b.cross(c))
+        });
+        six.sum::<f64>() / 6.0
+    }
+
+    /// Around the waist along the skin [m].
+    pub fn waist(&self, figure: &Figure) -> f64 {
+        let at: Vec<DVec3> = self
+            .parts
+            .waist
+            .iter()
+            .map(|&i| figure.verts[i as usize])
+            .collect();
+        (0..at.len())
+            .map(|i| at[i].distance(at[(i + 1) % at.len()]))
+            .sum()
+    }
+
+    /// The fullest level of the torso between the shoulder blades and the lowest ribs.
+    fn chest(&self, figure: &Figure) -> f64 {
+        let (low, high) = (
+            self.joint(figure, "spine03").y,
+            self.joint(figure, "upperarm01.L").y,
+        );
+        self.fullest(figure, low, low + 0.9 * (high - low))
+    }
+
+    /// The fullest level of the torso from the crotch up to the waist.
+    fn hip(&self, figure: &Figure, crotch: f64) -> f64 {
+        self.fullest(figure, crotch + 0.01, self.joint(figure, "spine04").y)
+    }
+
+    /// The longest tape around the torso over 24 levels between `low` and `high`.
+    fn fullest(&self, figure: &Figure, low: f64, high: f64) -> f64 {
+        let level = |k: usize| low + (high - low) * k as f64 / 23.0;
+        (0..24)
+            .map(|k| self.girth(figure, level(k)))
+            .fold(0.0, f64::max)
+    }
+
+    /// A tape pulled tight around the torso at height `y` [m]: the convex hull of the cut.
+    ///
+    /// Arms do not count. Zero where nothing is cut.
+    pub fn girth(&self, figure: &Figure, y: f64) -> f64 {
+        let mut cut = Vec::new();
+        for f in self.collision_faces() {
+            if f.iter().all(|&i| self.is_torso(i)) {
+                cut_triangle(f.map(|i| figure.verts[i as usize]), y, &mut cut);
+            }
+        }
+        hull_length(cut)
+    }
+
+    /// Moved mostly by the trunk or the thighs.
+    fn is_torso(&self, vertex: u32) -> bool {
+        let bones = &self.rig().bones;
+        let torso = ["root", "spine", "pelvis", "breast", "upperleg", "clavicle"];
+        let trunk = |b: u32| torso.iter().any(|t| bones[b as usize].name.starts_with(t));
+        let row = self.rig().weights.row(vertex as usize);
+        row.iter()
+            .filter(|&&(b, _)| trunk(b))
+            .map(|&(_, w)| w)
+            .sum::<f64>()
+            > 0.5
+    }
+
+    /// The lowest skin between the legs [m above the origin].
+    fn crotch(&self, figure: &Figure) -> f64 {
+        let body = self.part(Part::Body);
+        let middle = |v: &&DVec3| v.x.abs() < 0.004;
+        let ys = figure.verts[body].iter().filter(middle).map(|v| v.y);
+        ys.fold(f64::MAX, f64::min)
+    }
+
+    /// Shoulder joint, elbow, wrist: the mean of both sides.
+    fn arm(&self, figure: &Figure) -> f64 {
+        let side = |s: &str| {
+            let at = ["upperarm01", "lowerarm01", "wrist"]
+                .map(|b| self.joint(figure, &format!("{b}{s}")));
+            at[0].distance(at[1]) + at[1].distance(at[2])
+        };
+        (side(".L") + side(".R")) / 2.0
+    }
+
+    /// The head of the bone called `name`; the origin in a rig that has none.
+    fn joint(&self, figure: &Figure, name: &str) -> DVec3 {
+        self.bone(name)
+            .map(|b| figure.joints[b])
+            .unwrap_or_default()
+    }
+}
+
+pub(crate) fn span(at: impl Iterator<Item = DVec3>) -> f64 {
+    let (low, high) = at.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v.y), h.max(v.y)));
+    high - low
+}
+
+fn lowest(at: &[DVec3]) -> f64 {
+    at.iter().map(|v| v.y).fold(f64::MAX, f64::min)
+}
+
+/// Where the plane of height `y` cuts the edges of a triangle.
+fn cut_triangle(t: [DVec3; 3], y: f64, cut: &mut Vec<DVec2>) {
+    for k in 0..3 {
+        let (a, b) = (t[k], t[(k + 1) % 3]);
+        if (a.y < y) != (b.y < y) {
+            let at = a.lerp(b, (y - a.y) / (b.y - a.y));
+            cut.push(DVec2::new(at.x, at.z));
+        }
+    }
+}
+
+/// Length of the convex hull of points (Andrew's monotone chain).
+fn hull_length(mut points: Vec<DVec2>) -> f64 {
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    let lower = chain(points.iter().copied());
+    let upper = chain(points.iter().rev().copied());
+    lower + upper
+}
+
+/// Length of the hull's one side, from the first point to the last.
+fn chain(points: impl Iterator<Item = DVec2>) -> f64 {
+    let mut hull: Vec<DVec2> = Vec::new();
+    for p in points {
+        while let [.., a, b] = hull[..]
+            && (b - a).perp_dot(p - a) <= 0.0
+        {
+            hull.pop();
+        }
+        hull.push(p);
+    }
+    hull.windows(2).map(|w| w[0].distance(w[1])).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tape_around_a_square_ignores_what_is_inside() {
+        let corners = [
+            (0.0, 0.0),
+            (1.0, 0.0),
+            (1.0, 1.0),
+            (0.0, 1.0),
+            (0.5, 0.5),
+            (0.2, 0.0),
+        ];
+        let points = corners.map(|(x, y)| DVec2::new(x, y)).to_vec();
+        assert!((hull_length(points) - 4.0).abs() < 1e-12);
+        assert_eq!(hull_length(Vec::new()), 0.0);
+    }
+}

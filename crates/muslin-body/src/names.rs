@@ -1,0 +1,51 @@
+//! Names that are nearly the one that was typed.
+
+/// Up to five of `known`, the most alike first.
+///
+/// Alike means few single-letter edits, where a name that contains the asked one counts as near.
+pub fn nearest<'a>(asked: &str, known: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let asked = asked.to_lowercase();
+    let mut by: Vec<(usize, &str)> = known
+        .map(|k| (unlike(&asked, &k.to_lowercase()), k))
+        .collect();
+    by.sort();
+    by.into_iter().take(5).map(|(_, k)| k.to_string()).collect()
+}
+
+fn unlike(asked: &str, known: &str) -> usize {
+    let holds = !asked.is_empty() && known.contains(asked);
+    let far = edits(asked, known);
+    if holds { far / 4 } else { far }
+}
+
+/// Levenshtein's distance.
+fn edits(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, ca) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for j in 0..b.len() {
+            let change = diagonal + usize::from(ca != b[j]);
+            diagonal = row[j + 1];
+            row[j + 1] = change.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_typing_slip_finds_its_name() {
+        let known = ["measure-waist-circ", "measure-hips-circ", "head-oval"];
+        assert_eq!(
+            nearest("mesure-waist-circ", known.into_iter())[0],
+            "measure-waist-circ"
+        );
+        assert_eq!(nearest("hips", known.into_iter())[0], "measure-hips-circ");
+        assert_eq!(edits("kitten", "sitting"), 3);
+    }
+}

@@ -1,0 +1,116 @@
+//! How a body stands, and the skin that follows its bones.
+//!
+//! Every bone's rest frame is axis-aligned at its head, so identity rotations are the rest
+//! pose and a bone's rotation means the same whatever the shape:
+//!
+//! `world_from_bone(b) = world_from_bone(parent) · T(head_b − head_parent) · R(rotation_b)`
+//!
+//! where the first bone has `T(head + root)`. The skin follows
+//! `world_from_rest(b) = world_from_bone(b) · T(−head_b)` by linear blending.
+
+use crate::{Avatar, Figure, Rig};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use muslin_geom::vertex_normals;
+
+/// One stance of the full rig.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pose {
+    /// Translation of the whole body [m].
+    pub root: DVec3,
+    /// One rotation per bone, in its parent's frame.
+    pub rotations: Vec<DQuat>,
+}
+
+/// Poses at a steady rate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// Poses a second [1/s].
+    pub fps: f64,
+    /// In order of time.
+    pub poses: Vec<Pose>,
+}
+
+/// A figure in a pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Posed {
+    /// All vertices of the figure [m].
+    pub verts: Vec<DVec3>,
+    /// `world_from_rest` of every bone.
+    pub bones: Vec<DAffine3>,
+}
+
+impl Pose {
+    /// The rest pose: arms a little away from the sides, legs a little apart.
+    pub fn rest(avatar: &Avatar) -> Self {
+        Self {
+            root: DVec3::ZERO,
+            rotations: vec![DQuat::IDENTITY; avatar.rig().n_bones()],
+        }
+    }
+
+    /// `t` = 0 is this pose, 1 the other; rotations take the shorter way round.
+    pub fn toward(&self, other: &Pose, t: f64) -> Pose {
+        let pairs = self.rotations.iter().zip(&other.rotations);
+        Pose {
+            root: self.root.lerp(other.root, t),
+            rotations: pairs.map(|(a, b)| a.slerp(*b, t)).collect(),
+        }
+    }
+}
+
+impl Posed {
+    /// Unit normals of the triangles `faces` at every vertex; zero where no face touches.
+    pub fn normals(&self, faces: &[[u32; 3]]) -> Vec<DVec3> {
+        vertex_normals(&self.verts, faces)
+    }
+
+    /// `world_from_bone` of bone `b`: where its head is, and how it is turned.
+    pub fn world_from_bone(&self, figure: &Figure, b: usize) -> DAffine3 {
+        self.bones[b] * DAffine3::from_translation(figure.joints[b])
+    }
+}
+
+impl Avatar {
+    /// The figure's skin and bones in `pose`.
+    ///
+    /// Rotations that the pose lacks are taken as the identity.
+    pub fn pose(&self, figure: &Figure, pose: &Pose) -> Posed {
+        let bones = world_from_rest(self.rig(), figure, pose);
+        let verts = skin(&figure.verts, self.rig(), &bones);
+        Posed { verts, bones }
+    }
+}
+
+/// `world_from_rest` of every bone (see the module's own words).
+pub(crate) fn world_from_rest(rig: &Rig, figure: &Figure, pose: &Pose) -> Vec<DAffine3> {
+    let mut world: Vec<DAffine3> = Vec::with_capacity(rig.n_bones());
+    for (b, bone) in rig.bones.iter().enumerate() {
+        let turn = pose.rotations.get(b).copied().unwrap_or(DQuat::IDENTITY);
+        let head = figure.joints[b];
+        let placed = match bone.parent {
+            None => DAffine3::from_rotation_translation(turn, head + pose.root),
+            Some(p) => {
+                world[p] * DAffine3::from_rotation_translation(turn, head - figure.joints[p])
+            }
+        };
+        world.push(placed);
+    }
+    let back = |(b, w): (usize, DAffine3)| w * DAffine3::from_translation(-figure.joints[b]);
+    world.into_iter().enumerate().map(back).collect()
+}
+
+/// Linear blend skinning: `x' = (Σ w_b A_b) x`.
+fn skin(rest: &[DVec3], rig: &Rig, bones: &[DAffine3]) -> Vec<DVec3> {
+    let rows: Vec<[f64; 12]> = bones.iter().map(DAffine3::to_cols_array).collect();
+    let blend = |(x, row): (&DVec3, &[(u32, f64)])| {
+        let mut sum = [0.0; 12];
+        for &(b, w) in row {
+            let a = &rows[b as usize];
+            for k in 0..12 {
+                sum[k] += w * a[k];
+            }
+        }
+        DMat3::from_cols_slice(&sum[..9]) * *x + DVec3::from_slice(&sum[9..])
+    };
+    rest.iter().zip(rig.weights.rows()).map(blend).collect()
+}

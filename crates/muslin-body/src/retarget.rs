@@ -1,0 +1,449 @@
+//! Motion in: somebody else's skeleton moves our body.
+//!
+//! Recordings disagree about rest poses (T, A, or all bones along one axis), joint names and
+//! units, so only what they agree on is used: where the joints are. Hips and shoulders turn
+//! the trunk, and every limb bone points where the recorded one points. Twist about a limb is
+//! taken from the plane in which knee or elbow bends.
+
+use crate::{Avatar, BodyError, Figure, Motion, Pose};
+use glam::{DMat3, DQuat, DVec3};
+
+/// A tree of named joints. Parents come before their children.
+#[derive(Debug, Clone, Default)]
+pub struct Skeleton {
+    /// One name per joint, as in the file.
+    pub names: Vec<String>,
+    /// The joint that each joint hangs from; roots have none.
+    pub parents: Vec<Option<usize>>,
+    /// Place in the parent's frame at rest.
+    pub offsets: Vec<DVec3>,
+    /// Where the bone of a last joint ends, in its frame.
+    pub ends: Vec<Option<DVec3>>,
+}
+
+/// One moment: a place and a rotation per joint, in its parent's frame.
+#[derive(Debug, Clone, Default)]
+pub struct Frame {
+    /// In the file's unit.
+    pub translations: Vec<DVec3>,
+    /// `parent_from_joint`.
+    pub rotations: Vec<DQuat>,
+}
+
+/// A skeleton in motion, as recorded: its own names, unit and rest pose.
+#[derive(Debug, Clone, Default)]
+pub struct Recording {
+    /// Who moves.
+    pub skeleton: Skeleton,
+    /// Frames a second [1/s].
+    pub fps: f64,
+    /// In order of time.
+    pub frames: Vec<Frame>,
+}
+
+/// Our body in the stance of `recording`'s frame number `frame`.
+///
+/// The size is taken from the legs. The body starts over the origin, on the floor where the
+/// recording's feet come lowest, and faces where the recording faces. A frame past the end
+/// is the last one. Fails where arms or legs cannot be found by their names.
+pub fn retarget(
+    avatar: &Avatar,
+    figure: &Figure,
+    recording: &Recording,
+    frame: usize,
+) -> Result<Pose, BodyError> {
+    let actor = Actor::new(recording)?;
+    let target = Target::new(avatar, figure)?;
+    Ok(target.pose(&actor, &actor.stance(frame)))
+}
+
+/// Our body in all stances of `recording`; see [`retarget`].
+pub fn retarget_all(
+    avatar: &Avatar,
+    figure: &Figure,
+    recording: &Recording,
+) -> Result<Motion, BodyError> {
+    let actor = Actor::new(recording)?;
+    let target = Target::new(avatar, figure)?;
+    let poses = (0..recording.frames.len()).map(|f| target.pose(&actor, &actor.stance(f)));
+    Ok(Motion { fps: recording.fps, poses: poses.collect() })
+}
+
+/// Where the parts of a body are. Sides: left, right.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Stance {
+    leg: [[DVec3; 3]; 2],
+    toe: [Option<DVec3>; 2],
+    arm: [[DVec3; 3]; 2],
+    hand: [Option<DVec3>; 2],
+    neck: Option<DVec3>,
+    head: Option<DVec3>,
+}
+
+impl Stance {
+    fn map(&self, f: impl Fn(DVec3) -> DVec3) -> Stance {
+        Stance {
+            leg: self.leg.map(|l| l.map(&f)),
+            toe: self.toe.map(|t| t.map(&f)),
+            arm: self.arm.map(|a| a.map(&f)),
+            hand: self.hand.map(|h| h.map(&f)),
+            neck: self.neck.map(&f),
+            head: self.head.map(&f),
+        }
+    }
+
+    fn hips(&self) -> DVec3 {
+        0.5 * (self.leg[0][0] + self.leg[1][0])
+    }
+
+    fn shoulders(&self) -> DVec3 {
+        0.5 * (self.arm[0][0] + self.arm[1][0])
+    }
+
+    fn leg_length(&self) -> f64 {
+        let length = |l: &[DVec3; 3]| l[0].distance(l[1]) + l[1].distance(l[2]);
+        0.5 * (length(&self.leg[0]) + length(&self.leg[1]))
+    }
+
+    fn lowest_ankle(&self) -> f64 {
+        self.leg[0][2].y.min(self.leg[1][2].y)
+    }
+
+    /// `world_from_pelvis` and `world_from_chest`: x to the body's left, y along the trunk.
+    fn trunk(&self) -> [DMat3; 2] {
+        let up = self.shoulders() - self.hips();
+        let across = |side: [[DVec3; 3]; 2]| side[0][0] - side[1][0];
+        [across(self.leg), across(self.arm)].map(|x| {
+            let y = up.normalize_or(DVec3::Y);
+            let z = x.cross(y).normalize_or(y.any_orthonormal_vector());
+            DMat3::from_cols(y.cross(z), y, z)
+        })
+    }
+}
+
+/// A recording whose joints are understood.
+struct Actor<'a> {
+    recording: &'a Recording,
+    roles: Roles,
+    z_up: bool,
+    floor: f64,
+    start: DVec3,
+}
+
+impl<'a> Actor<'a> {
+    fn new(recording: &'a Recording) -> Result<Self, BodyError> {
+        let skeleton = &recording.skeleton;
+        let roles = Roles::find(skeleton)?;
+        let z_up = stands_along_z(skeleton, &roles);
+        let mut actor = Actor { recording, roles, z_up, floor: 0.0, start: DVec3::ZERO };
+        let step = 1 + recording.frames.len() / 200;
+        let sampled = (0..recording.frames.len()).step_by(step);
+        let floor = sampled.map(|f| actor.stance(f).lowest_ankle()).fold(f64::INFINITY, f64::min);
+        actor.floor = if floor.is_finite() { floor } else { 0.0 };
+        actor.start = actor.stance(0).hips();
+        Ok(actor)
+    }
+
+    fn stance(&self, frame: usize) -> Stance {
+        let skeleton = &self.recording.skeleton;
+        let rest = Frame {
+            translations: skeleton.offsets.clone(),
+            rotations: vec![DQuat::IDENTITY; skeleton.names.len()],
+        };
+        let last = self.recording.frames.len().saturating_sub(1);
+        let moment = self.recording.frames.get(frame.min(last)).unwrap_or(&rest);
+        let stance = self.roles.stance(&world(skeleton, moment));
+        match self.z_up {
+            true => stance.map(|p| DVec3::new(p.x, p.z, -p.y)),
+            false => stance,
+        }
+    }
+}
+
+/// Heads and ends of all joints in the world; a joint without an end ends at its head.
+fn world(skeleton: &Skeleton, frame: &Frame) -> Vec<[DVec3; 2]> {
+    let mut turned: Vec<DQuat> = Vec::new();
+    let mut points: Vec<[DVec3; 2]> = Vec::new();
+    for (j, parent) in skeleton.parents.iter().enumerate() {
+        let (base, turn) = match *parent {
+            Some(p) => (points[p][0], turned[p]),
+            None => (DVec3::ZERO, DQuat::IDENTITY),
+        };
+        let (head, turn) = (base + turn * frame.translations[j], turn * frame.rotations[j]);
+        points.push([head, head + turn * skeleton.ends[j].unwrap_or(DVec3::ZERO)]);
+        turned.push(turn);
+    }
+    points
+}
+
+/// Whether the legs of the rest pose hang along −z: then z is up, and the body faces −y.
+fn stands_along_z(skeleton: &Skeleton, roles: &Roles) -> bool {
+    let down = |j: usize| skeleton.offsets[j].normalize_or_zero().dot(DVec3::NEG_Z) > 0.85;
+    roles.leg.iter().all(|leg| down(leg[1]) && down(leg[2]))
+}
+
+/// A joint's head, or the end of its bone.
+#[derive(Debug, Clone, Copy)]
+enum Spot {
+    Head(usize),
+    End(usize),
+}
+
+/// Which joint plays which part.
+struct Roles {
+    leg: [[usize; 3]; 2],
+    toe: [Option<Spot>; 2],
+    arm: [[Spot; 3]; 2],
+    hand: [Option<Spot>; 2],
+    neck: Option<usize>,
+    head: Option<Spot>,
+}
+
+/// Names of a part, the surest first: a `shoulder` is a collar bone beside an `arm`.
+const THIGH: &[&str] = &["upperleg01", "upperleg", "upleg", "thigh", "hip"];
+const SHIN: &[&str] = &["lowerleg01", "lowerleg", "leg", "shin", "calf", "knee"];
+const FOOT: &[&str] = &["foot", "ankle"];
+const TOE: &[&str] = &["toe31", "toebase", "toes", "toe", "ball"];
+const UPPER_ARM: &[&str] = &["upperarm01", "upperarm", "arm", "shldr", "humerus", "shoulder"];
+const FOREARM: &[&str] = &["lowerarm01", "lowerarm", "forearm", "elbow"];
+const WRIST: &[&str] = &["wrist", "hand"];
+const NECK: &[&str] = &["neck01", "neck"];
+const HEAD: &[&str] = &["head", "face"];
+
+impl Roles {
+    fn find(skeleton: &Skeleton) -> Result<Roles, BodyError> {
+        let names: Vec<(Option<usize>, String)> = skeleton.names.iter().map(|n| part(n)).collect();
+        let find = |side: Option<usize>, wanted: &[&str]| {
+            let named = |want: &&str| names.iter().position(|(s, n)| *s == side && n == want);
+            wanted.iter().find_map(named)
+        };
+        let must = |side: usize, wanted: &'static [&'static str]| {
+            find(Some(side), wanted).ok_or_else(|| unknown(skeleton, side, wanted))
+        };
+        let leg = |s| Ok::<_, BodyError>([must(s, THIGH)?, must(s, SHIN)?, must(s, FOOT)?]);
+        let arm = |s| {
+            let (upper, fore) = (must(s, UPPER_ARM)?, must(s, FOREARM)?);
+            let wrist = find(Some(s), WRIST).map(Spot::Head);
+            let wrist = wrist.or_else(|| tip(skeleton, fore));
+            let wrist = wrist.ok_or_else(|| unknown(skeleton, s, WRIST))?;
+            Ok::<_, BodyError>([Spot::Head(upper), Spot::Head(fore), wrist])
+        };
+        let (leg, arm) = ([leg(0)?, leg(1)?], [arm(0)?, arm(1)?]);
+        let toe = |s: usize| find(Some(s), TOE).map(Spot::Head).or(tip(skeleton, leg[s][2]));
+        let hand = |s: usize| match arm[s][2] {
+            Spot::Head(wrist) => tip(skeleton, wrist),
+            Spot::End(_) => None,
+        };
+        let head = find(None, HEAD).map(Spot::Head);
+        let (toe, hand) = ([toe(0), toe(1)], [hand(0), hand(1)]);
+        Ok(Roles { leg, toe, arm, hand, neck: find(None, NECK), head })
+    }
+
+    fn stance(&self, points: &[[DVec3; 2]]) -> Stance {
+        let at = |spot: Spot| match spot {
+            Spot::Head(j) => points[j][0],
+            Spot::End(j) => points[j][1],
+        };
+        Stance {
+            leg: self.leg.map(|l| l.map(|j| points[j][0])),
+            toe: self.toe.map(|t| t.map(at)),
+            arm: self.arm.map(|a| a.map(at)),
+            hand: self.hand.map(|h| h.map(at)),
+            neck: self.neck.map(|j| points[j][0]),
+            head: self.head.map(at),
+        }
+    }
+}
+
+/// Where joint `j`'s bone points: its end, or the head of its middle child; none at zero length.
+fn tip(skeleton: &Skeleton, j: usize) -> Option<Spot> {
+    if skeleton.ends[j].is_some_and(|e| e.length() > 0.0) {
+        return Some(Spot::End(j));
+    }
+    let far = |&c: &usize| skeleton.parents[c] == Some(j) && skeleton.offsets[c].length() > 0.0;
+    let children: Vec<usize> = (0..skeleton.names.len()).filter(far).collect();
+    children.get(children.len() / 2).map(|&c| Spot::Head(c))
+}
+
+fn unknown(skeleton: &Skeleton, side: usize, wanted: &[&str]) -> BodyError {
+    let some: Vec<&str> = skeleton.names.iter().take(6).map(String::as_str).collect();
+    let side = ["left", "right"][side];
+    BodyError::UnknownSkeleton { missing: format!("{side} {}", wanted[1]), names: some.join(", ") }
+}
+
+/// Side (0 left, 1 right) and bare name of a joint: `Neo_LeftUpLeg` is (left, `upleg`).
+fn part(name: &str) -> (Option<usize>, String) {
+    let name = name.rsplit(':').next().unwrap_or(name);
+    let name = ["Neo_", "joint_", "mixamorig_"].iter().fold(name, |n, p| n.strip_prefix(p).unwrap_or(n));
+    let (side, rest) = side(name);
+    let bare = rest.chars().filter(|c| c.is_alphanumeric()).collect::<String>();
+    (side, bare.to_lowercase())
+}
+
+fn side(name: &str) -> (Option<usize>, &str) {
+    for (s, ends) in [(0, [".L", "_L", ".l", "_l"]), (1, [".R", "_R", ".r", "_r"])] {
+        if let Some(rest) = ends.iter().find_map(|e| name.strip_suffix(e)) {
+            return (Some(s), rest);
+        }
+    }
+    for (s, starts) in [(0, ["Left", "left"]), (1, ["Right", "right"])] {
+        if let Some(rest) = starts.iter().find_map(|p| name.strip_prefix(p)) {
+            return (Some(s), rest);
+        }
+    }
+    let mut letters = name.chars();
+    let (first, second) = (letters.next(), letters.next());
+    match (first, second.is_some_and(char::is_uppercase)) {
+        (Some('l' | 'L'), true) => (Some(0), &name[1..]),
+        (Some('r' | 'R'), true) => (Some(1), &name[1..]),
+        _ => (None, name),
+    }
+}
+
+/// Our figure, ready to follow.
+struct Target<'a> {
+    avatar: &'a Avatar,
+    rest: Stance,
+    root: DVec3,
+    bones: Bones,
+}
+
+/// The bones that follow; sides: left, right.
+struct Bones {
+    spine: [usize; 5],
+    neck: [usize; 4],
+    arm: [[usize; 3]; 2],
+    leg: [[usize; 3]; 2],
+}
+
+impl Bones {
+    fn find(avatar: &Avatar) -> Result<Bones, BodyError> {
+        let bone = |name: &str| avatar.rig().bone(name);
+        let limb = |names: [&str; 3], side: &str| {
+            let [a, b, c] = names.map(|n| bone(&format!("{n}.{side}")));
+            Ok::<_, BodyError>([a?, b?, c?])
+        };
+        let arm = ["upperarm01", "lowerarm01", "wrist"];
+        let leg = ["upperleg01", "lowerleg01", "foot"];
+        let mut spine = [0; 5];
+        for (slot, name) in spine.iter_mut().zip(["spine05", "spine04", "spine03", "spine02", "spine01"]) {
+            *slot = bone(name)?;
+        }
+        let neck = [bone("neck01")?, bone("neck02")?, bone("neck03")?, bone("head")?];
+        let (arm, leg) = ([limb(arm, "L")?, limb(arm, "R")?], [limb(leg, "L")?, limb(leg, "R")?]);
+        Ok(Bones { spine, neck, arm, leg })
+    }
+}
+
+impl<'a> Target<'a> {
+    fn new(avatar: &'a Avatar, figure: &Figure) -> Result<Self, BodyError> {
+        let bones = Bones::find(avatar)?;
+        let head = |b: usize| figure.joints[b];
+        let named = |name: &str, side: &str| avatar.rig().bone(&format!("{name}.{side}")).map(head);
+        let toe = [named("toe3-1", "L")?, named("toe3-1", "R")?];
+        let hand = [named("finger3-1", "L")?, named("finger3-1", "R")?];
+        let rest = Stance {
+            leg: bones.leg.map(|l| l.map(head)),
+            toe: toe.map(Some),
+            arm: bones.arm.map(|a| a.map(head)),
+            hand: hand.map(Some),
+            neck: Some(head(bones.neck[0])),
+            head: Some(head(bones.neck[3])),
+        };
+        Ok(Target { avatar, rest, root: figure.joints[0], bones })
+    }
+
+    fn pose(&self, actor: &Actor, stance: &Stance) -> Pose {
+        let mut pose = Pose::rest(self.avatar);
+        let [pelvis, chest] = std::array::from_fn(|k| {
+            DQuat::from_mat3(&(stance.trunk()[k] * self.rest.trunk()[k].transpose()))
+        });
+        pose.rotations[0] = pelvis;
+        share(&mut pose, &self.bones.spine, pelvis.inverse() * chest);
+        self.turn_head(&mut pose, stance, chest);
+        for side in 0..2 {
+            self.turn_arm(&mut pose, stance, side, chest);
+            self.turn_leg(&mut pose, stance, side, pelvis);
+        }
+        pose.root = self.hips(actor, stance) - self.root - pelvis * (self.rest.hips() - self.root);
+        pose
+    }
+
+    /// Where our hips go [m].
+    fn hips(&self, actor: &Actor, stance: &Stance) -> DVec3 {
+        let scale = self.rest.leg_length() / stance.leg_length().max(1e-9);
+        let moved = scale * (stance.hips() - actor.start);
+        let height = self.rest.lowest_ankle() + scale * (stance.hips().y - actor.floor);
+        DVec3::new(moved.x, height, moved.z)
+    }
+
+    fn turn_head(&self, pose: &mut Pose, stance: &Stance, chest: DQuat) {
+        let line = |s: &Stance| Some((s.head? - s.neck?).normalize_or_zero());
+        let (Some(now), Some(rest)) = (line(stance), line(&self.rest)) else { return };
+        if now != DVec3::ZERO {
+            let turn = DQuat::from_rotation_arc(rest, chest.inverse() * now);
+            share(pose, &self.bones.neck, turn);
+        }
+    }
+
+    fn turn_arm(&self, pose: &mut Pose, stance: &Stance, side: usize, chest: DQuat) {
+        let rest = limb(self.rest.arm[side], self.rest.hand[side]);
+        let now = limb(stance.arm[side], stance.hand[side]);
+        // The forearm bends forward: from along the arm toward +z.
+        let hinge = rest[0].cross(DVec3::Z).normalize_or_zero();
+        turn_limb(pose, self.bones.arm[side], chest, Limb { rest, now, hinge });
+    }
+
+    fn turn_leg(&self, pose: &mut Pose, stance: &Stance, side: usize, pelvis: DQuat) {
+        let rest = limb(self.rest.leg[side], self.rest.toe[side]);
+        let now = limb(stance.leg[side], stance.toe[side]);
+        // The shin bends backward: from down toward −z.
+        let hinge = rest[0].cross(DVec3::NEG_Z).normalize_or_zero();
+        turn_limb(pose, self.bones.leg[side], pelvis, Limb { rest, now, hinge });
+    }
+}
+
+/// Directions of a limb's three bones, at rest and now (zero where not known), and the axis
+/// of its middle joint at rest.
+struct Limb {
+    rest: [DVec3; 3],
+    now: [DVec3; 3],
+    hinge: DVec3,
+}
+
+fn limb(joints: [DVec3; 3], end: Option<DVec3>) -> [DVec3; 3] {
+    let [a, b, c] = joints;
+    [b - a, c - b, end.map_or(DVec3::ZERO, |e| e - c)].map(DVec3::normalize_or_zero)
+}
+
+/// Spreads one rotation evenly over a chain of bones.
+fn share(pose: &mut Pose, bones: &[usize], turn: DQuat) {
+    let each = DQuat::IDENTITY.slerp(turn, 1.0 / bones.len() as f64);
+    for &b in bones {
+        pose.rotations[b] = each;
+    }
+}
+
+fn turn_limb(pose: &mut Pose, bones: [usize; 3], world_from_trunk: DQuat, limb: Limb) {
+    let mut parent = world_from_trunk;
+    for k in 0..3 {
+        let mut turn = parent;
+        if limb.now[k] != DVec3::ZERO {
+            turn = DQuat::from_rotation_arc(parent * limb.rest[k], limb.now[k]) * parent;
+        }
+        if k == 0 {
+            turn = twist(turn * limb.hinge, &limb.now) * turn;
+        }
+        pose.rotations[bones[k]] = parent.inverse() * turn;
+        parent = turn;
+    }
+}
+
+/// The turn about the first bone that brings `hinge` into the axis of the bend; fades out as
+/// the limb straightens and its axis is lost.
+fn twist(hinge: DVec3, now: &[DVec3; 3]) -> DQuat {
+    let bend = now[0].cross(now[1]);
+    let seen = ((bend.length() - 0.1) / 0.4).clamp(0.0, 1.0);
+    let angle = hinge.cross(bend).dot(now[0]).atan2(hinge.dot(bend));
+    DQuat::from_axis_angle(now[0].normalize_or(DVec3::Y), seen * seen * (3.0 - 2.0 * seen) * angle)
+}
