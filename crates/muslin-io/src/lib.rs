@@ -5,5 +5,15 @@
 //! nobody ever sees half a file.
 
 mod error;
+mod input;
+mod photo;
+mod sha256;
+mod sniff;
+#[cfg(test)]
+mod testing;
 
 pub use error::{Fault, IoError, Place, name, quote};
+pub use input::{Input, read_file};
+pub use photo::{Photo, PhotoLimits, decode_photo, flatten, read_photo};
+pub use sha256::sha256;
+pub use sniff::{Kind, sniff};
