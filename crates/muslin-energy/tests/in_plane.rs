@@ -1,0 +1,339 @@
+//! The laws on one triangle: stretch, shear, strain limit, each on more than a thousand states.
+
+use glam::{DMat3, DVec2, DVec3};
+use muslin_energy::check::{self, Rng, Scale, Tally};
+use muslin_energy::membrane::{self, Stretch};
+use muslin_energy::strain::{self, StrainLimit};
+use muslin_energy::stvk::{self, Lame};
+use muslin_energy::{InPlane, Local, RestTriangle};
+
+const STATES: usize = 1200;
+const COTTON: Stretch = Stretch {
+    warp: 1500.0,
+    weft: 1000.0,
+    shear: 150.0,
+    compression: 1.0,
+};
+const SOFT: Stretch = Stretch {
+    compression: 0.3,
+    ..COTTON
+};
+const SNUG: Lame = Lame {
+    mu: 11.1,
+    lambda: 20.9,
+};
+const LIMIT: StrainLimit = StrainLimit {
+    start: 0.03,
+    limit: 0.06,
+    stiffness: 1000.0,
+    wall: 0.9,
+};
+/// Below a nanojoule and a micronewton nothing happens to a 12 mm triangle.
+const NOTHING: Scale = Scale {
+    energy: 1e-9,
+    force: 1e-6,
+};
+
+type Law = fn(&[DVec3; 3], &RestTriangle) -> Local<3>;
+
+const LAWS: [(&str, Law); 5] = [
+    ("membrane", |x, rest| membrane::hessian(x, rest, &COTTON)),
+    ("membrane, soft in compression", |x, rest| {
+        membrane::hessian(x, rest, &SOFT)
+    }),
+    ("stvk", |x, rest| stvk::hessian(x, rest, &SNUG)),
+    ("principal limit", |x, rest| {
+        strain::principal(&rest.deformation(x), &LIMIT).spread(rest)
+    }),
+    ("yarn limit", |x, rest| {
+        strain::yarn(&rest.deformation(x), &LIMIT).spread(rest)
+    }),
+];
+
+/// A random rest triangle of garment size, one in four of them a sliver, and how long it is.
+fn rest(rng: &mut Rng) -> (RestTriangle, [DVec2; 3]) {
+    let size = rng.scale(0.004, 0.03);
+    let height = if rng.between(0.0, 1.0) < 0.25 {
+        rng.scale(1e-3, 0.1)
+    } else {
+        rng.between(0.4, 1.2)
+    };
+    let (s, c) = rng.between(0.0, 6.28).sin_cos();
+    let turn = |p: DVec2| DVec2::new(c * p.x - s * p.y, s * p.x + c * p.y) * size;
+    let corners = [
+        DVec2::ZERO,
+        DVec2::X,
+        DVec2::new(rng.between(-0.2, 1.2), height),
+    ]
+    .map(turn);
+    (
+        RestTriangle::new(corners).expect("a height of a thousandth is enough"),
+        corners,
+    )
+}
+
+/// The triangle deformed: mostly a few per cent, one in three far off, one in ten almost flattened.
+fn state(corners: [DVec2; 3], rng: &mut Rng) -> [DVec3; 3] {
+    let kind = rng.between(0.0, 1.0);
+    let amount = if kind < 0.33 { 0.8 } else { 0.08 };
+    let mut f = DMat3::IDENTITY;
+    for i in 0..2 {
+        *f.col_mut(i) += rng.vector() * amount;
+    }
+    if kind > 0.9 {
+        *f.col_mut(1) = f.col(0) * rng.between(-1.2, 1.2) + rng.vector() * 1e-3;
+    }
+    let at = rng.vector();
+    corners.map(|c| at + f * c.extend(0.0))
+}
+
+/// Shortest height of the triangle as it lies, the length a finite difference must stay below.
+fn height(x: &[DVec3; 3]) -> f64 {
+    let area = (x[1] - x[0]).cross(x[2] - x[0]).length();
+    let longest = (0..3)
+        .map(|i| x[i].distance(x[(i + 1) % 3]))
+        .fold(0.0, f64::max);
+    area / longest
+}
+
+/// Runs a question over all laws and states: `(law, triangle, positions, step, random)`.
+fn ask(
+    seed: u64,
+    question: impl Fn(&str, &dyn Fn(&[DVec3; 3]) -> Local<3>, &[DVec3; 3], &mut Rng),
+) {
+    for (name, law) in LAWS {
+        let mut rng = Rng::new(seed);
+        for _ in 0..STATES {
+            let (rest, corners) = rest(&mut rng);
+            let x = state(corners, &mut rng);
+            question(name, &|x| law(x, &rest), &x, &mut rng);
+        }
+    }
+}
+
+#[test]
+fn gradients_converge_at_second_order() {
+    for (name, law) in LAWS {
+        let (mut rng, mut tally) = (Rng::new(1), Tally::default());
+        for _ in 0..STATES {
+            let (rest, corners) = rest(&mut rng);
+            let x = state(corners, &mut rng);
+            let step = 0.03 * height(&x);
+            tally.add(check::gradient_order(|x| law(x, &rest), &x, step, &mut rng));
+        }
+        assert_eq!(tally.second(2e-6), Ok(()), "{name}");
+    }
+}
+
+#[test]
+fn hessians_are_never_indefinite_and_symmetric() {
+    ask(2, |name, law, x, _| {
+        let local = law(x);
+        let low = check::lowest_eigenvalue(&local);
+        assert!(low > -1e-9, "{name}: {low:e} at {x:?}");
+        assert!(check::asymmetry(&local) < 1e-12, "{name}");
+    });
+}
+
+#[test]
+fn turning_and_shifting_the_whole_changes_nothing() {
+    ask(3, |name, law, x, rng| {
+        let defect = check::rigid_defect(law, x, NOTHING, rng);
+        assert!(defect < 1e-6, "{name}: {defect:e} at {x:?}");
+    });
+}
+
+#[test]
+fn forces_leave_momentum_and_spin_alone() {
+    ask(4, |name, law, x, _| {
+        let defect = check::momentum_defect(&law(x), x, NOTHING);
+        assert!(defect < 1e-9, "{name}: {defect:e} at {x:?}");
+    });
+}
+
+#[test]
+fn undeformed_cloth_stores_nothing_and_pulls_at_nothing() {
+    let mut rng = Rng::new(5);
+    for (name, law) in LAWS {
+        for _ in 0..100 {
+            let (rest, corners) = rest(&mut rng);
+            let local = law(&corners.map(|c| c.extend(0.3)), &rest);
+            assert!(local.energy < 1e-18, "{name}: {:e} J", local.energy);
+            assert!(local.gradient.iter().all(|g| g.length() < 1e-9), "{name}");
+        }
+    }
+}
+
+/// The exact Hessian of the membrane on the vertices, unprojected.
+fn exact(x: &[DVec3; 3], rest: &RestTriangle, hessian: [DMat3; 3]) -> Local<3> {
+    let (energy, gradient) = membrane::gradient(x, rest, &COTTON);
+    let hessian = InPlane {
+        hessian,
+        ..InPlane::ZERO
+    }
+    .spread(rest)
+    .hessian;
+    Local {
+        energy,
+        gradient,
+        hessian,
+    }
+}
+
+#[test]
+fn the_exact_hessians_converge_at_second_order() {
+    let (mut rng, mut weaves, mut sheets) = (Rng::new(6), Tally::default(), Tally::default());
+    for _ in 0..STATES {
+        let (rest, corners) = rest(&mut rng);
+        let x = state(corners, &mut rng);
+        let step = 0.03 * height(&x);
+        let weave = |x: &[DVec3; 3]| {
+            exact(
+                x,
+                &rest,
+                membrane::exact_hessian(&rest.deformation(x), &COTTON),
+            )
+        };
+        weaves.add(check::hessian_order(weave, &x, step, &mut rng));
+        let sheet = |x: &[DVec3; 3]| {
+            let hessian = stvk::exact_hessian(&rest.deformation(x), &SNUG);
+            let (energy, gradient) = stvk::gradient(x, &rest, &SNUG);
+            Local {
+                energy,
+                gradient,
+                ..exact(x, &rest, hessian)
+            }
+        };
+        sheets.add(check::hessian_order(sheet, &x, step, &mut rng));
+    }
+    assert_eq!(weaves.second(2e-6), Ok(()));
+    assert_eq!(sheets.second(2e-6), Ok(()));
+}
+
+#[test]
+fn strain_limits_need_no_projection_their_hessians_converge_at_second_order() {
+    for (name, law) in &LAWS[3..] {
+        let (mut rng, mut tally) = (Rng::new(7), Tally::default());
+        for _ in 0..STATES {
+            let (rest, corners) = rest(&mut rng);
+            let x = state(corners, &mut rng);
+            let step = 0.01 * height(&x);
+            tally.add(check::hessian_order(|x| law(x, &rest), &x, step, &mut rng));
+        }
+        assert_eq!(tally.second(1e-5), Ok(()), "{name}");
+    }
+}
+
+/// A deformation with no length scale of its own, some of them squeezed to a line.
+fn deformation(rng: &mut Rng) -> [DVec3; 2] {
+    let squeeze = if rng.between(0.0, 1.0) < 0.1 {
+        1e-4
+    } else {
+        1.0
+    };
+    [
+        DVec3::X + rng.vector() * 0.7,
+        DVec3::Y * squeeze + rng.vector() * 0.7 * squeeze,
+    ]
+}
+
+/// Deformation space seen as two points, so that the suite's projection serves it.
+fn columns([uu, uv, vv]: [DMat3; 3]) -> [[DMat3; 2]; 2] {
+    [[uu, uv], [uv.transpose(), vv]]
+}
+
+#[test]
+fn each_membrane_term_is_the_exact_one_without_its_negative_eigenvalues() {
+    let parts = [
+        Stretch {
+            warp: 0.0,
+            weft: 0.0,
+            ..COTTON
+        },
+        Stretch {
+            warp: 0.0,
+            shear: 0.0,
+            ..COTTON
+        },
+        Stretch {
+            weft: 0.0,
+            shear: 0.0,
+            ..SOFT
+        },
+    ];
+    let mut rng = Rng::new(8);
+    for _ in 0..STATES {
+        let f = deformation(&mut rng);
+        for k in &parts {
+            let want = check::projected(&columns(membrane::exact_hessian(&f, k)));
+            let off = check::difference(&columns(membrane::response(&f, k).hessian), &want);
+            assert!(off < 1e-9, "{off:e} for {k:?} at {f:?}");
+        }
+    }
+}
+
+#[test]
+fn in_tension_along_the_yarns_the_membrane_hessian_is_exact() {
+    let mut rng = Rng::new(9);
+    for _ in 0..STATES {
+        let along = rng.vector().normalize();
+        let u = along * rng.between(1.0, 1.5);
+        let v = along.any_orthonormal_vector() * rng.between(1.0, 1.5);
+        let got = columns(membrane::response(&[u, v], &COTTON).hessian);
+        let off = check::difference(&got, &columns(membrane::exact_hessian(&[u, v], &COTTON)));
+        assert!(off < 1e-12, "{off:e}");
+    }
+}
+
+#[test]
+fn in_tension_the_stvk_hessian_is_exact_and_elsewhere_never_below_it() {
+    let mut rng = Rng::new(10);
+    for _ in 0..STATES {
+        let f = deformation(&mut rng);
+        let got = columns(stvk::response(&f, &SNUG).hessian);
+        let mut rest = got;
+        let exact = columns(stvk::exact_hessian(&f, &SNUG));
+        for i in 0..2 {
+            for j in 0..2 {
+                rest[i][j] -= exact[i][j];
+            }
+        }
+        let added = Local {
+            energy: 0.0,
+            gradient: [DVec3::ZERO; 2],
+            hessian: rest,
+        };
+        assert!(check::lowest_eigenvalue(&added) > -1e-6 || check::difference(&got, &exact) < 1e-9);
+        let tense = f.map(|c| c * 3.0);
+        let off = check::difference(
+            &columns(stvk::response(&tense, &SNUG).hessian),
+            &columns(stvk::exact_hessian(&tense, &SNUG)),
+        );
+        let stretched =
+            tense[0].cross(tense[1]).length() > 1.2 * tense[0].length().max(tense[1].length());
+        assert!(off < 1e-12 || !stretched, "{off:e} at {tense:?}");
+    }
+}
+
+#[test]
+fn a_pulled_strip_carries_its_stiffness_times_its_strain() {
+    let corners = [DVec2::ZERO, DVec2::new(0.01, 0.0), DVec2::new(0.0, 0.01)];
+    let rest = RestTriangle::new(corners).expect("a right triangle");
+    let x = corners.map(|c| DVec3::new(c.x, c.y * 1.02, 0.0));
+    let (energy, g) = membrane::gradient(&x, &rest, &COTTON);
+    // Half of a 10 mm square: half the width's force of 1500 N/m times 2 %.
+    assert!((g[2].y - 0.5 * 0.01 * 1500.0 * 0.02).abs() < 1e-12);
+    assert!((energy - 0.5 * 1500.0 * 0.02 * 0.02 * rest.area).abs() < 1e-15);
+}
+
+#[test]
+fn a_limit_far_exceeded_stays_finite_and_pulls_back() {
+    for strain in [0.055, 0.0599, 0.06, 0.061, 0.5, 10.0] {
+        let [e, slope, curvature] = LIMIT.at(1.0 + strain);
+        assert!(e.is_finite() && slope.is_finite() && curvature.is_finite());
+        assert!(
+            slope > LIMIT.stiffness * (strain - LIMIT.start),
+            "softer than the cloth at {strain}"
+        );
+    }
+}
