@@ -5,18 +5,22 @@
 pub mod bvh;
 pub mod ccd;
 pub mod closest;
+mod cut;
 mod drape;
 mod image;
 pub mod intersect;
 mod mesh;
+mod remesh;
 mod report;
 #[cfg(test)]
 mod testing;
 
 pub use bvh::{Aabb, Bvh};
 pub use closest::{Closest, Surface};
+pub use cut::{Cut, OnEdge, cut};
 pub use drape::{Drape, Part};
 pub use image::Image;
 pub use intersect::{intersecting_pairs, self_intersections};
 pub use mesh::{Mesh, vertex_normals};
+pub use remesh::{OnFace, RemeshOptions, Remeshed, remesh};
 pub use report::{Report, Value};
