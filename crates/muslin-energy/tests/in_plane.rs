@@ -58,7 +58,7 @@ fn rest(rng: &mut Rng) -> (RestTriangle, [DVec2; 3]) {
     } else {
         rng.between(0.4, 1.2)
     };
-    let (s, c) = rng.between(0.0, 6.28).sin_cos();
+    let (s, c) = rng.between(-3.0, 3.0).sin_cos();
     let turn = |p: DVec2| DVec2::new(c * p.x - s * p.y, s * p.x + c * p.y) * size;
     let corners = [
         DVec2::ZERO,

@@ -1,0 +1,250 @@
+//! The laws on a hinge: the angle form and the flat one, each on more than a thousand states.
+
+use glam::{DMat2, DVec2, DVec3};
+use muslin_energy::check::{self, Rng, Scale, Tally};
+use muslin_energy::flat::{self, FlatHinge};
+use muslin_energy::hinge::{self, Bend, RestHinge};
+use muslin_energy::{Local, outer};
+
+const STATES: usize = 1200;
+const DENIM: Bend = Bend {
+    warp: 6e-5,
+    weft: 4e-5,
+};
+/// Below a picojoule and a nanonewton nothing happens to a hinge of 12 mm.
+const NOTHING: Scale = Scale {
+    energy: 1e-12,
+    force: 1e-9,
+};
+
+/// A hinge as cut, flat and 12 mm or so wide; one in four has a sliver for a face.
+fn cut(rng: &mut Rng) -> [DVec2; 4] {
+    let size = rng.scale(0.004, 0.03);
+    let mut height = || {
+        if rng.between(0.0, 1.0) < 0.15 {
+            rng.scale(2e-3, 0.1)
+        } else {
+            rng.between(0.4, 1.2)
+        }
+    };
+    let (up, down) = (height(), height());
+    let (c, d) = (rng.between(-0.2, 1.2), rng.between(-0.2, 1.2));
+    let turn = DMat2::from_angle(rng.between(-3.0, 3.0));
+    [
+        DVec2::ZERO,
+        DVec2::X,
+        DVec2::new(c, up),
+        DVec2::new(d, -down),
+    ]
+    .map(|p| turn * p * size)
+}
+
+fn faces(corners: [DVec2; 4]) -> [[DVec2; 3]; 2] {
+    let [a, b, c, d] = corners;
+    [[a, b, c], [b, a, d]]
+}
+
+/// Folded by up to 2.5 radians, then every corner moved by up to a fifth of the lower height.
+fn folded(corners: [DVec2; 4], rng: &mut Rng) -> [DVec3; 4] {
+    let (fold, at) = (rng.between(-2.5, 2.5), rng.vector());
+    let edge = corners[1].normalize().extend(0.0);
+    let turn = glam::DQuat::from_axis_angle(edge, fold);
+    let mut x = corners.map(|c| c.extend(0.0));
+    x[3] = turn * x[3];
+    let shake = 0.2 * height(&x);
+    x.map(|p| p + rng.vector() * shake + at)
+}
+
+/// The lower of the two faces' heights over the edge, or the edge if that is shorter [m].
+fn height(x: &[DVec3; 4]) -> f64 {
+    let edge = x[1] - x[0];
+    let over = |p: DVec3| edge.cross(p - x[0]).length() / edge.length();
+    over(x[2]).min(over(x[3])).min(edge.length())
+}
+
+/// Rest state, positions and step of a random hinge.
+fn state(rng: &mut Rng) -> (RestHinge, FlatHinge, [DVec3; 4], f64) {
+    let corners = cut(rng);
+    let x = folded(corners, rng);
+    let rest = RestHinge::new(faces(corners), &DENIM, rng.between(-0.5, 0.5));
+    let step = 0.03 * height(&x);
+    (rest, FlatHinge::new(faces(corners), &DENIM), x, step)
+}
+
+#[test]
+fn gradients_converge_at_second_order() {
+    let (mut rng, mut angles, mut flats) = (Rng::new(1), Tally::default(), Tally::default());
+    for _ in 0..STATES {
+        let (rest, flat, x, step) = state(&mut rng);
+        angles.add(check::gradient_order(
+            |x| hinge::hessian(x, &rest),
+            &x,
+            step,
+            &mut rng,
+        ));
+        flats.add(check::gradient_order(
+            |x| flat::hessian(x, &flat),
+            &x,
+            step,
+            &mut rng,
+        ));
+    }
+    assert_eq!(angles.second(2e-6), Ok(()));
+    assert_eq!(flats.second(2e-6), Ok(()));
+}
+
+#[test]
+fn the_flat_hessian_is_exact_and_so_is_the_angle_one_at_its_rest_angle() {
+    let (mut rng, mut angles, mut flats) = (Rng::new(2), Tally::default(), Tally::default());
+    for _ in 0..STATES {
+        let (rest, flat, x, step) = state(&mut rng);
+        let rest = RestHinge {
+            angle: hinge::angle(&x),
+            ..rest
+        };
+        angles.add(check::hessian_order(
+            |x| hinge::hessian(x, &rest),
+            &x,
+            step,
+            &mut rng,
+        ));
+        flats.add(check::hessian_order(
+            |x| flat::hessian(x, &flat),
+            &x,
+            step,
+            &mut rng,
+        ));
+    }
+    assert_eq!(angles.second(2e-6), Ok(()));
+    assert_eq!(flats.second(2e-6), Ok(()));
+}
+
+#[test]
+fn away_from_rest_the_hessian_is_the_outer_product_of_the_angle_s_gradient() {
+    let (mut rng, mut tally) = (Rng::new(3), Tally::default());
+    for _ in 0..STATES {
+        let (rest, _, x, step) = state(&mut rng);
+        let angle = |x: &[DVec3; 4]| {
+            let (energy, gradient) = hinge::angle_gradient(x);
+            Local {
+                energy,
+                gradient,
+                ..Local::ZERO
+            }
+        };
+        tally.add(check::gradient_order(angle, &x, step, &mut rng));
+        let g = angle(&x).gradient;
+        let mut want = [[glam::DMat3::ZERO; 4]; 4];
+        for i in 0..4 {
+            for j in 0..4 {
+                want[i][j] = outer(g[i], g[j]) * (2.0 * rest.stiffness);
+            }
+        }
+        assert!(check::difference(&hinge::hessian(&x, &rest).hessian, &want) < 1e-12);
+    }
+    assert_eq!(tally.second(2e-6), Ok(()));
+}
+
+#[test]
+fn hessians_are_never_indefinite_and_symmetric() {
+    let mut rng = Rng::new(4);
+    for _ in 0..STATES {
+        let (rest, flat, x, _) = state(&mut rng);
+        for local in [hinge::hessian(&x, &rest), flat::hessian(&x, &flat)] {
+            assert!(check::lowest_eigenvalue(&local) > -1e-9);
+            assert!(check::asymmetry(&local) < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn turning_and_shifting_changes_nothing_and_forces_leave_momentum_and_spin_alone() {
+    let mut rng = Rng::new(5);
+    for _ in 0..STATES {
+        let (rest, flat, x, _) = state(&mut rng);
+        let by_angle = |x: &[DVec3; 4]| hinge::hessian(x, &rest);
+        let by_flat = |x: &[DVec3; 4]| flat::hessian(x, &flat);
+        assert!(check::rigid_defect(by_angle, &x, NOTHING, &mut rng) < 1e-6);
+        assert!(check::rigid_defect(by_flat, &x, NOTHING, &mut rng) < 1e-6);
+        assert!(check::momentum_defect(&by_angle(&x), &x, NOTHING) < 1e-8);
+        assert!(check::momentum_defect(&by_flat(&x), &x, NOTHING) < 1e-8);
+    }
+}
+
+#[test]
+fn energy_and_gradient_alone_say_the_same() {
+    let mut rng = Rng::new(6);
+    for _ in 0..100 {
+        let (rest, flat, x, _) = state(&mut rng);
+        let full = hinge::hessian(&x, &rest);
+        assert_eq!(hinge::gradient(&x, &rest), (full.energy, full.gradient));
+        assert!((hinge::energy(&x, &rest) - full.energy).abs() <= 1e-9 * full.energy);
+        let full = flat::hessian(&x, &flat);
+        assert_eq!(flat::gradient(&x, &flat), (full.energy, full.gradient));
+        assert_eq!(flat::energy(&x, &flat), full.energy);
+    }
+}
+
+#[test]
+fn a_flat_hinge_at_rest_stores_nothing() {
+    let mut rng = Rng::new(7);
+    for _ in 0..100 {
+        let corners = cut(&mut rng);
+        let x = corners.map(|c| c.extend(0.4));
+        let flat = FlatHinge::new(faces(corners), &DENIM);
+        let rest = RestHinge::new(faces(corners), &DENIM, 0.0);
+        assert!(hinge::energy(&x, &rest) < 1e-24);
+        assert!(flat::energy(&x, &flat) < 1e-20);
+    }
+}
+
+#[test]
+fn the_angle_is_positive_where_the_faces_fall_away_from_their_normals() {
+    for fold in [-2.0, -0.5, 0.0, 0.3, 3.0_f64] {
+        let (s, c) = fold.sin_cos();
+        let x = [
+            DVec3::ZERO,
+            DVec3::X,
+            DVec3::new(0.4, 1.0, 0.0),
+            DVec3::new(0.4, -c, -s),
+        ];
+        assert!((hinge::angle(&x) - fold).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn faces_without_area_push_nowhere() {
+    let corners = [
+        DVec2::ZERO,
+        DVec2::X,
+        DVec2::new(0.5, 1.0),
+        DVec2::new(0.5, -1.0),
+    ];
+    let rest = RestHinge::new(faces(corners), &DENIM, 0.2);
+    for x in [
+        [DVec3::ONE; 4],
+        [DVec3::ZERO, DVec3::X, DVec3::X * 0.5, DVec3::NEG_Y],
+    ] {
+        let local = hinge::hessian(&x, &rest);
+        assert!(local.energy.is_finite() && local.gradient.iter().all(|g| g.is_finite()));
+    }
+    let line = [[DVec2::ZERO, DVec2::X, DVec2::X * 2.0]; 2];
+    assert_eq!(RestHinge::new(line, &DENIM, 0.0).stiffness, 0.0);
+    assert_eq!(FlatHinge::new(line, &DENIM).stiffness, 0.0);
+}
+
+#[test]
+fn a_mesh_has_one_hinge_for_each_edge_between_two_faces() {
+    // A tetrahedron, closed: six edges, each with two faces; then with one face taken away.
+    let faces = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
+    assert_eq!(hinge::stencils(&faces).len(), 6);
+    assert_eq!(hinge::stencils(&faces[..3]).len(), 3);
+    for h in hinge::stencils(&faces) {
+        let corner = |side: usize, i: usize| {
+            faces[h.faces[side] as usize][(h.starts[side] as usize + i) % 3]
+        };
+        let [a, b, c, d] = h.verts;
+        assert_eq!([corner(0, 0), corner(0, 1), corner(0, 2)], [a, b, c]);
+        assert_eq!([corner(1, 0), corner(1, 1), corner(1, 2)], [b, a, d]);
+    }
+}
