@@ -3,8 +3,11 @@
 //! `cargo xtask ci` is all that continuous integration runs. `assets` rebuilds what is committed
 //! under `assets/`; `check` compares against other people's programs in throw-away environments.
 
+mod assets_body;
 mod ci;
+mod sha256;
 mod walls;
+mod wheel;
 
 use std::process::ExitCode;
 
@@ -30,6 +33,7 @@ fn run(words: &[&str]) -> Outcome {
     match words {
         ["ci"] => ci::run(),
         ["walls"] => walls::check(),
+        ["assets", "body", rest @ ..] => assets_body::build(rest.first().copied()),
         _ => Err(USAGE.to_owned()),
     }
 }
