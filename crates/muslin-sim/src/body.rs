@@ -1,0 +1,194 @@
+//! The body as cloth meets it: a moving surface, and the touches on it.
+
+use glam::DVec3;
+use muslin_energy::contact::Barrier;
+use muslin_geom::{Closest, Surface};
+
+use crate::{ordered, touch::Touch, weave::Weave};
+
+/// The body at the end of a step, with what it knows about each vertex of the cloth.
+pub(crate) struct Body {
+    pub now: Surface,
+    /// Skin positions one step earlier [m].
+    before: Vec<DVec3>,
+    seen: Vec<Seen>,
+    /// Per vertex, distance that is kept on top of the common gap [m].
+    pub extra: Vec<f64>,
+}
+
+/// The last answer about a vertex.
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    /// Where it was asked for [m]; not a number once the body has moved.
+    at: DVec3,
+    /// A nearby face.
+    face: u32,
+    /// Signed distance, or what it exceeds [m].
+    signed: f64,
+}
+
+/// How cloth meets the body.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Skin {
+    pub barrier: Barrier,
+    /// Slide that still counts as sticking [m].
+    pub stick: f64,
+    /// How far off the skin a touch is worth knowing [m].
+    pub reach: f64,
+}
+
+/// Depth up to which cloth inside the body is looked for [m].
+const DEEP: f64 = 0.25;
+
+impl Body {
+    pub fn new(now: Surface, n_cloth: usize) -> Body {
+        let seen = Seen {
+            at: DVec3::NAN,
+            face: 0,
+            signed: -1.0,
+        };
+        let before = now.verts().to_vec();
+        Body {
+            now,
+            before,
+            seen: vec![seen; n_cloth],
+            extra: vec![0.0; n_cloth],
+        }
+    }
+
+    /// Moves on; `to` [m] is where the skin is at the end of the next step.
+    pub fn advance(&mut self, to: &[DVec3]) {
+        self.before.clear();
+        self.before.extend_from_slice(self.now.verts());
+        self.now.refit(to);
+        self.forget();
+    }
+
+    /// The body stands still from here on.
+    pub fn stand(&mut self) {
+        self.before.clear();
+        self.before.extend_from_slice(self.now.verts());
+    }
+
+    /// Drops what was known about distances, not the hints where to look.
+    pub fn forget(&mut self) {
+        self.seen.iter_mut().for_each(|s| s.at = DVec3::NAN);
+    }
+
+    /// How a skin point moves in this step [m].
+    fn drift(&self, hit: &Closest) -> DVec3 {
+        let f = self.now.faces()[hit.face as usize];
+        let old = f.map(|i| self.before[i as usize]);
+        let w = hit.weights;
+        hit.point - (old[0] * w[0] + old[1] * w[1] + old[2] * w[2])
+    }
+
+    /// Touches of all vertices at `x`, which were at `before` when the step began [m].
+    pub fn touches(
+        &mut self,
+        weave: &Weave,
+        (x, before): (&[DVec3], &[DVec3]),
+        skin: &Skin,
+    ) -> Vec<Touch> {
+        let (now, seen) = (&self.now, &self.seen);
+        let found = ordered::map(x.len(), |i| {
+            look(now, &seen[i], x[i], skin.reach + self.extra[i])
+        });
+        let mut out = Vec::new();
+        for (i, hit) in found.into_iter().enumerate() {
+            let Some(hit) = hit else { continue };
+            let Some(hit) = hit else {
+                let far = 2.0 * (skin.reach + self.extra[i]);
+                self.seen[i] = Seen {
+                    at: x[i],
+                    signed: far,
+                    ..self.seen[i]
+                };
+                continue;
+            };
+            self.seen[i] = Seen {
+                at: x[i],
+                face: hit.face,
+                signed: hit.signed,
+            };
+            if hit.signed < skin.reach {
+                out.push(self.touch(weave, (i, before[i]), &hit, skin));
+            }
+        }
+        out.iter_mut()
+            .for_each(|t| t.press(x, weave.friction[t.verts[0] as usize]));
+        out
+    }
+
+    fn touch(
+        &self,
+        weave: &Weave,
+        (i, before): (usize, DVec3),
+        hit: &Closest,
+        skin: &Skin,
+    ) -> Touch {
+        let lift = self.extra[i] + LAYER * f64::from(weave.layers[i]);
+        Touch {
+            verts: [i as u32; 3],
+            weights: [1.0, 0.0, 0.0],
+            face: None,
+            skin: hit.point,
+            normal: hit.normal,
+            stuck: before + self.drift(hit),
+            barrier: Barrier {
+                radius: skin.barrier.radius + lift,
+                ..skin.barrier
+            },
+            grip: 0.0,
+            stick: skin.stick,
+        }
+    }
+
+    /// A touch of a point inside a face of the cloth, wherever the skin is.
+    pub fn face_touch(
+        &self,
+        weave: &Weave,
+        (x, face, weights): (&[DVec3], u32, [f64; 3]),
+        skin: &Skin,
+    ) -> Option<Touch> {
+        let verts = weave.faces[face as usize];
+        let c = weave.corners(x, face as usize);
+        let p = c[0] * weights[0] + c[1] * weights[1] + c[2] * weights[2];
+        let hit = self.now.closest(p, skin.reach.max(0.03))?;
+        let extra = verts
+            .map(|i| self.extra[i as usize])
+            .into_iter()
+            .fold(0.0, f64::max);
+        let touch = self.touch(weave, (verts[0] as usize, p), &hit, skin);
+        let radius = skin.barrier.radius + extra;
+        let barrier = Barrier {
+            radius,
+            ..skin.barrier
+        };
+        Some(Touch {
+            verts,
+            weights,
+            face: Some(face),
+            barrier,
+            ..touch
+        })
+    }
+}
+
+/// Extra distance from the skin per layer worn below [m].
+const LAYER: f64 = 2.5e-3;
+
+/// `None`: surely no touch. `Some(None)`: nothing within reach. Otherwise the nearest skin.
+fn look(now: &Surface, seen: &Seen, x: DVec3, reach: f64) -> Option<Option<Closest>> {
+    let moved = seen.at.distance(x);
+    if seen.signed - moved > reach - 1e-9 && seen.signed > 0.0 {
+        // Not a number compares false: after the body moved, everybody is asked.
+        return None;
+    }
+    let within = if seen.signed < 0.5 * reach {
+        DEEP
+    } else {
+        reach * 2.0
+    };
+    Some(now.closest_near(x, within, seen.face))
+}

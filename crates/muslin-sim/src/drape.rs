@@ -1,0 +1,453 @@
+//! A drape: along the body's path, then to rest, then made clean.
+
+use glam::DVec3;
+use muslin_energy::contact::Barrier;
+use muslin_geom::{
+    Surface,
+    bvh::{Bvh, face_boxes},
+};
+
+use crate::{
+    body::{Body, Skin},
+    carry::Carrier,
+    cloth::{Cloth, SimError, finite, same},
+    crossings,
+    matrix::Effort,
+    near::{Near, Neighbours},
+    newton::Problem,
+    ordered,
+    pairs::{Pair, Rule},
+    quality::{self, Settled},
+    safe,
+    touch::Touch,
+    weave::Weave,
+};
+
+/// How a drape is made. The defaults suit a person in gravity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Acceleration [m/s²].
+    pub gravity: DVec3,
+    /// Time step [s].
+    pub step: f64,
+    /// Distance from skin to cloth at which the skin begins to push [m].
+    pub gap: f64,
+    /// Conjugate gradient iterations per step, at most.
+    pub iterations: usize,
+    /// Steps before the body begins to move.
+    pub first_steps: usize,
+    /// Steps after the body has arrived, at most.
+    pub last_steps: usize,
+    /// Speed at which 99 % of the vertices count as resting [m/s].
+    pub still: f64,
+    /// Share of its velocity that cloth keeps from one step to the next.
+    pub keep: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            gravity: DVec3::new(0.0, -9.81, 0.0),
+            step: 1.0 / 40.0,
+            gap: 3e-3,
+            iterations: 30,
+            first_steps: 4,
+            last_steps: 90,
+            still: 0.02,
+            keep: 0.9,
+        }
+    }
+}
+
+/// Drapes `cloth` from `start` over a body that moves along `path`, until it rests on the last
+/// frame.
+///
+/// `start`: positions [m], outside the body's first frame as far as possible; `path`: the body's
+/// vertices [m] per step, first the pose of `start`; `body_faces`: its triangles, outward. Cloth
+/// that is caught or starts inside is brought out where that can be done; what remains is counted
+/// in the result, never hidden.
+pub fn drape(
+    cloth: &Cloth,
+    start: &[DVec3],
+    (path, body_faces): (&[Vec<DVec3>], &[[u32; 3]]),
+    options: &Options,
+) -> Result<Settled, SimError> {
+    let weave = Weave::new(cloth)?;
+    same("start", start.len(), cloth.n_verts())?;
+    finite("start vertex", start)?;
+    let first = path.first().ok_or(SimError::EmptyPath)?;
+    for frame in path {
+        same("body frame", frame.len(), first.len())?;
+        finite("body vertex", frame)?;
+    }
+    let mut stage = Stage::new(
+        &weave,
+        start,
+        Surface::new(first, body_faces),
+        cloth,
+        *options,
+    );
+    for _ in 0..options.first_steps {
+        stage.step(0.5)?;
+    }
+    for frame in &path[1..] {
+        stage.carry(frame);
+        stage.step(0.5)?;
+    }
+    let converged = stage.settle()?;
+    Ok(Settled {
+        converged,
+        ..stage.finish()?
+    })
+}
+
+/// A drape in the making.
+struct Stage<'a> {
+    weave: &'a Weave,
+    options: Options,
+    body: Body,
+    carrier: Carrier,
+    pins: Vec<(u32, Held)>,
+    tree: Bvh,
+    near: Neighbours,
+    /// Positions [m], velocities relative to the body [m/s].
+    x: Vec<DVec3>,
+    v: Vec<DVec3>,
+    /// Where the last step began, before the cloth was carried [m].
+    before: Vec<DVec3>,
+    /// Vertices that passed through cloth, with their neighbours.
+    tangled: Vec<bool>,
+    /// Faces that the body pokes through.
+    poked: Vec<u32>,
+    steps: usize,
+}
+
+/// Where a pin sits in the frame of its skin [m].
+type Held = DVec3;
+
+/// Slack of the neighbour lists [m].
+const SLACK: f64 = 4e-3;
+/// Sub-moves of one step, at most.
+const SUB_MOVES: usize = 4;
+
+impl<'a> Stage<'a> {
+    fn new(
+        weave: &'a Weave,
+        start: &[DVec3],
+        skin: Surface,
+        cloth: &Cloth,
+        options: Options,
+    ) -> Stage<'a> {
+        let carrier = Carrier::new(&skin, start);
+        let held = |&p: &u32| {
+            let inverse = carrier.frame(p as usize, &skin).inverse();
+            (p, inverse.transform_point3(start[p as usize]))
+        };
+        let mut stage = Stage {
+            pins: cloth.pins.iter().map(held).collect(),
+            tree: Bvh::over(&face_boxes(start, &weave.faces)),
+            body: Body::new(skin, start.len()),
+            near: Neighbours::default(),
+            x: start.to_vec(),
+            v: vec![DVec3::ZERO; start.len()],
+            before: start.to_vec(),
+            tangled: vec![false; start.len()],
+            poked: Vec::new(),
+            steps: 0,
+            weave,
+            options,
+            carrier,
+        };
+        stage.find_tangles();
+        stage
+    }
+
+    /// Takes the body to its next frame and the cloth along with it.
+    fn carry(&mut self, frame: &[DVec3]) {
+        let old = self.body.now.clone();
+        self.body.advance(frame);
+        let near = &self.weave.pattern.near;
+        let motions = self.carrier.motions(&old, &self.body.now, near);
+        self.before.clone_from(&self.x);
+        for (i, motion) in motions.iter().enumerate() {
+            self.x[i] = motion.transform_point3(self.x[i]);
+            self.v[i] = motion.transform_vector3(self.v[i]);
+        }
+        self.near = Neighbours::default();
+        self.find_tangles();
+    }
+
+    fn find_tangles(&mut self) {
+        let pairs = crossings::crossing_faces(self.weave, &mut self.tree, &self.x);
+        self.tangled.fill(false);
+        for pair in pairs {
+            for f in pair {
+                for v in self.weave.faces[f as usize] {
+                    for &w in self.weave.pattern.near.row(v as usize) {
+                        self.tangled[w as usize] = true;
+                    }
+                }
+            }
+        }
+        self.near = Neighbours::default();
+    }
+
+    fn is_tangled(&self) -> bool {
+        self.tangled.contains(&true)
+    }
+
+    /// One time step; `keep` is the share of velocity that survives it.
+    fn step(&mut self, keep: f64) -> Result<(), SimError> {
+        if self.is_tangled() {
+            self.untangle();
+        }
+        let from = self.x.clone();
+        let mut h = self.options.step;
+        for _ in 0..5 {
+            let drift: Vec<DVec3> = self.v.iter().map(|v| *v * h).collect();
+            let target: Vec<DVec3> = from.iter().zip(&drift).map(|(x, d)| *x + *d).collect();
+            self.go(drift);
+            if let Some(moves) = self.solve(&target, h) {
+                self.go(moves);
+                self.finish_step(&from, h, keep);
+                return Ok(());
+            }
+            self.x.clone_from(&from);
+            self.v.fill(DVec3::ZERO);
+            h *= 0.5;
+        }
+        Err(SimError::Diverged(self.steps))
+    }
+
+    fn finish_step(&mut self, from: &[DVec3], h: f64, keep: f64) {
+        let most = SPEED;
+        for i in 0..from.len() {
+            self.v[i] = ((self.x[i] - from[i]) * (keep / h)).clamp_length_max(most);
+        }
+        self.before.clone_from(&self.x);
+        self.body.stand();
+        self.steps += 1;
+    }
+
+    /// One Newton step from the present position.
+    fn solve(&mut self, target: &[DVec3], h: f64) -> Option<Vec<DVec3>> {
+        let touches = self.touches(h);
+        let rule = self.rule(h);
+        let pairs = self.pairs(&rule);
+        let pins = self.pin_targets();
+        let problem = Problem {
+            weave: self.weave,
+            target,
+            step: h,
+            gravity: self.options.gravity,
+            touches: &touches,
+            pairs: &pairs,
+            barrier: rule.barrier,
+            pins: &pins,
+        };
+        let effort = Effort {
+            iterations: self.options.iterations,
+            tolerance: 1e-3,
+        };
+        let mut moves = problem.descend(&self.x, &effort)?;
+        keep_out(&touches, &self.x, &mut moves);
+        Some(moves)
+    }
+
+    fn skin(&self, h: f64) -> Skin {
+        let barrier = Barrier {
+            radius: self.options.gap,
+            width: 1e-3,
+            stiffness: BODY_STIFFNESS,
+        };
+        Skin {
+            barrier,
+            stick: STICK * h,
+            reach: self.options.gap + 0.012,
+        }
+    }
+
+    fn touches(&mut self, h: f64) -> Vec<Touch> {
+        let skin = self.skin(h);
+        let mut touches = self
+            .body
+            .touches(self.weave, (&self.x, &self.before), &skin);
+        for &f in &self.poked {
+            for w in SAMPLES {
+                touches.extend(self.body.face_touch(self.weave, (&self.x, f, w), &skin));
+            }
+        }
+        touches
+    }
+
+    fn rule(&self, h: f64) -> Rule {
+        let radius = self.weave.radius;
+        let barrier = Barrier {
+            radius,
+            width: 0.5 * radius,
+            stiffness: CLOTH_STIFFNESS,
+        };
+        let friction = self.weave.friction.iter().copied().fold(0.0, f64::max);
+        Rule {
+            barrier,
+            friction,
+            stick: STICK * h,
+        }
+    }
+
+    fn pairs(&mut self, rule: &Rule) -> Vec<Pair> {
+        self.look_around();
+        let (list, x) = (&self.near.list, &self.x);
+        let found = ordered::map(list.len(), |k| Pair::at(&list[k], x, rule));
+        found.into_iter().flatten().collect()
+    }
+
+    fn pin_targets(&self) -> Vec<(u32, DVec3)> {
+        let at = |&(p, held): &(u32, Held)| {
+            (
+                p,
+                self.carrier
+                    .frame(p as usize, &self.body.now)
+                    .transform_point3(held),
+            )
+        };
+        self.pins.iter().map(at).collect()
+    }
+
+    /// Makes the neighbour list good for the present position.
+    fn look_around(&mut self) {
+        if self.near.covers(&self.x, self.weave.radius) {
+            return;
+        }
+        let reach = self.weave.radius + SLACK;
+        self.near = Neighbours::find(self.weave, &mut self.tree, &self.x, reach);
+        let tangled = &self.tangled;
+        let free = |n: &Near| !n.verts.iter().any(|v| tangled[*v as usize]);
+        self.near.list.retain(free);
+    }
+
+    /// Moves the cloth as far along `moves` [m] as it can go without passing through itself.
+    fn go(&mut self, mut moves: Vec<DVec3>) {
+        for _ in 0..SUB_MOVES {
+            self.look_around();
+            let budget = 0.45 * SLACK;
+            let mut part: Vec<DVec3> = moves.iter().map(|m| m.clamp_length_max(budget)).collect();
+            let whole = part == moves;
+            let wanted = part.clone();
+            safe::slow_down(&self.near.list, &self.x, &mut part);
+            for i in 0..part.len() {
+                self.x[i] += part[i];
+                moves[i] -= wanted[i];
+            }
+            if whole {
+                return;
+            }
+        }
+    }
+
+    /// Shortens crossing lines a little, and looks again.
+    fn untangle(&mut self) {
+        let pairs = crossings::crossing_faces(self.weave, &mut self.tree, &self.x);
+        let found = crossings::piercings(self.weave, &self.x, &pairs);
+        let moves = crossings::way_back(self.weave, &self.x, &found, 1e-3);
+        self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
+        self.find_tangles();
+    }
+
+    /// Steps until the cloth rests or the steps run out; says which.
+    fn settle(&mut self) -> Result<bool, SimError> {
+        let mut calm = 0;
+        for k in 0..self.options.last_steps {
+            let late = k as f64 / self.options.last_steps as f64;
+            self.step(self.options.keep * (1.0 - 0.5 * late * late))?;
+            calm = if self.speed() < self.options.still {
+                calm + 1
+            } else {
+                0
+            };
+            if calm >= 3 && !self.is_tangled() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Speed below which 99 % of the vertices are [m/s].
+    fn speed(&self) -> f64 {
+        let mut speeds: Vec<f64> = self.v.iter().map(|v| v.length()).collect();
+        quality::percentile(&mut speeds, 0.99)
+    }
+
+    /// Removes what the body still pokes through the cloth, and measures.
+    fn finish(mut self) -> Result<Settled, SimError> {
+        let speed_p99 = self.speed();
+        for _ in 0..CLEANINGS {
+            let hits = quality::body_intersections(self.weave, &self.x, &self.body.now);
+            if hits.is_empty() && !self.is_tangled() {
+                break;
+            }
+            self.lift(&hits);
+            for _ in 0..2 {
+                self.v.fill(DVec3::ZERO);
+                self.step(0.0)?;
+            }
+        }
+        let crossing = crossings::crossing_faces(self.weave, &mut self.tree, &self.x).len();
+        let measured = Settled::measure(self.weave, self.x, &self.body.now, crossing);
+        Ok(Settled {
+            steps: self.steps,
+            speed_p99,
+            ..measured
+        })
+    }
+
+    /// Keeps cloth farther away where the body pokes through it.
+    fn lift(&mut self, hits: &[[u32; 2]]) {
+        let mut faces: Vec<u32> = hits.iter().map(|h| h[0]).collect();
+        faces.dedup();
+        for &f in &faces {
+            for v in self.weave.faces[f as usize] {
+                let extra = &mut self.body.extra[v as usize];
+                *extra = (*extra + LIFT).min(MOST_LIFT);
+            }
+        }
+        self.poked.extend(faces);
+        self.poked.sort_unstable();
+        self.poked.dedup();
+        self.body.forget();
+    }
+}
+
+/// Stiffness of skin [N/m] per touching vertex.
+const BODY_STIFFNESS: f64 = 400.0;
+/// Stiffness of cloth against cloth [N/m] per touching pair.
+const CLOTH_STIFFNESS: f64 = 150.0;
+/// Speed below which cloth sticks [m/s].
+const STICK: f64 = 2e-3;
+/// No vertex starts a step faster than this [m/s].
+const SPEED: f64 = 2.0;
+/// Rounds of cleaning at the end.
+const CLEANINGS: usize = 12;
+/// What a round adds to the distance kept from the skin, and the most it may add up to [m].
+const LIFT: f64 = 0.7e-3;
+const MOST_LIFT: f64 = 8e-3;
+/// Points of a poked face that touch as well: its middle and the middles of its edges.
+const SAMPLES: [[f64; 3]; 4] = [
+    [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
+    [0.5, 0.5, 0.0],
+    [0.0, 0.5, 0.5],
+    [0.5, 0.0, 0.5],
+];
+
+/// Takes from `moves` what would bring cloth from outside the skin to below half its gap.
+fn keep_out(touches: &[Touch], x: &[DVec3], moves: &mut [DVec3]) {
+    for touch in touches.iter().filter(|t| t.face.is_none()) {
+        let i = touch.verts[0] as usize;
+        let gap = touch.gap(x);
+        let least = gap.min(0.4 * touch.barrier.radius);
+        let short = least - (gap + moves[i].dot(touch.normal));
+        if gap > 0.0 && short > 0.0 {
+            moves[i] += touch.normal * short;
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! The linear system of a Newton step, and conjugate gradients on it.
+//!
+//! Stretch and body contact live in 3×3 blocks at the pattern's places, bending across hinges in
+//! plain numbers, cloth-on-cloth contact in a list of small stencils. Blocks are kept in single
+//! precision: they multiply displacements, never positions, and only decide how fast the solve
+//! converges; the right-hand side that decides to what stays in double.
+
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
+use crate::{
+    bending::Bending,
+    ordered::{self, CHUNK},
+    pattern::{Pattern, Rows},
+};
+
+/// Most vertices that one contact couples.
+pub(crate) const STENCIL: usize = 4;
+
+/// A contact between weighted vertices: `K (Σ wᵢ xᵢ)`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Link {
+    pub verts: [u32; STENCIL],
+    pub weights: [f64; STENCIL],
+    pub stiffness: DMat3,
+}
+
+/// A symmetric positive definite matrix of one Newton step.
+pub(crate) struct Matrix<'a> {
+    pub pattern: &'a Pattern,
+    pub bending: &'a Bending,
+    /// Column-major 3×3 blocks at the pattern's places; bending's near part included [N/m].
+    pub blocks: Vec<[f32; 9]>,
+    pub links: Vec<Link>,
+    /// For every vertex, `4 link + position in its stencil`.
+    of_vertex: Rows,
+}
+
+/// What [`Matrix::solve`] should reach, whichever comes first.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Effort {
+    pub iterations: usize,
+    /// Ratio of last to first residual in the preconditioned norm.
+    pub tolerance: f64,
+}
+
+impl<'a> Matrix<'a> {
+    pub fn new(
+        pattern: &'a Pattern,
+        bending: &'a Bending,
+        blocks: Vec<[f32; 9]>,
+        links: Vec<Link>,
+    ) -> Self {
+        let n = pattern.diagonal.len();
+        let mut uses = Vec::with_capacity(links.len() * STENCIL);
+        for (l, link) in links.iter().enumerate() {
+            let used = (0..STENCIL).filter(|&k| link.weights[k] != 0.0);
+            uses.extend(used.map(|k| (link.verts[k], (STENCIL * l + k) as u32)));
+        }
+        Matrix {
+            pattern,
+            bending,
+            blocks,
+            links,
+            of_vertex: Rows::sorted(n, uses),
+        }
+    }
+
+    /// Writes `A p` and returns `p · A p`.
+    fn multiply(&self, p: &[DVec3], pulls: &mut [DVec3], out: &mut [DVec3]) -> f64 {
+        ordered::fill(pulls, |l| {
+            let Link {
+                verts,
+                weights,
+                stiffness,
+            } = &self.links[l];
+            let at = |k: usize| p[verts[k] as usize] * weights[k];
+            *stiffness * (at(0) + at(1) + at(2) + at(3))
+        });
+        let chunks = out.par_chunks_mut(CHUNK).enumerate();
+        let parts: Vec<f64> = chunks
+            .map(|(c, out)| {
+                let mut dot = 0.0;
+                for (k, out) in out.iter_mut().enumerate() {
+                    let i = c * CHUNK + k;
+                    *out = self.row(i, p, pulls);
+                    dot += p[i].dot(*out);
+                }
+                dot
+            })
+            .collect();
+        parts.iter().sum()
+    }
+
+    fn row(&self, i: usize, p: &[DVec3], pulls: &[DVec3]) -> DVec3 {
+        let near = &self.pattern.near;
+        let mut sum = DVec3::ZERO;
+        for k in near.span(i) {
+            let (b, v) = (&self.blocks[k], p[near.items[k] as usize]);
+            let b = b.map(f64::from);
+            sum.x += b[0] * v.x + b[3] * v.y + b[6] * v.z;
+            sum.y += b[1] * v.x + b[4] * v.y + b[7] * v.z;
+            sum.z += b[2] * v.x + b[5] * v.y + b[8] * v.z;
+        }
+        let far = &self.bending.far;
+        for k in far.span(i) {
+            sum += p[far.items[k] as usize] * self.bending.far_weights[k];
+        }
+        for &use_ in self.of_vertex.row(i) {
+            let (l, k) = (use_ as usize / STENCIL, use_ as usize % STENCIL);
+            sum += pulls[l] * self.links[l].weights[k];
+        }
+        sum
+    }
+
+    /// Inverses of the diagonal blocks.
+    fn inverse_diagonal(&self) -> Vec<DMat3> {
+        ordered::map(self.pattern.diagonal.len(), |i| {
+            let b = self.blocks[self.pattern.diagonal[i] as usize].map(f64::from);
+            let mut d = DMat3::from_cols_array(&b);
+            for &use_ in self.of_vertex.row(i) {
+                let (l, k) = (use_ as usize / STENCIL, use_ as usize % STENCIL);
+                let w = self.links[l].weights[k];
+                d += self.links[l].stiffness * (w * w);
+            }
+            let inverse = d.inverse();
+            if inverse.is_finite() {
+                inverse
+            } else {
+                DMat3::IDENTITY
+            }
+        })
+    }
+
+    /// An approximate solution of `A x = b`, started from zero, and the iterations spent.
+    ///
+    /// Stops where the matrix shows no positive curvature along the search direction, which
+    /// rounding alone can cause; what was found up to there still descends.
+    pub fn solve(&self, b: &[DVec3], effort: &Effort) -> (Vec<DVec3>, usize) {
+        let n = b.len();
+        let inverse = self.inverse_diagonal();
+        let mut x = vec![DVec3::ZERO; n];
+        let mut r = b.to_vec();
+        let mut z = ordered::map(n, |i| inverse[i] * r[i]);
+        let mut p = z.clone();
+        let mut ap = vec![DVec3::ZERO; n];
+        let mut pulls = vec![DVec3::ZERO; self.links.len()];
+        let mut rz = ordered::sum(n, |s| s.map(|i| r[i].dot(z[i])).sum());
+        let goal = rz * effort.tolerance * effort.tolerance;
+        for done in 0..effort.iterations {
+            if rz <= goal || rz <= f64::MIN_POSITIVE {
+                return (x, done);
+            }
+            let curvature = self.multiply(&p, &mut pulls, &mut ap);
+            if curvature.is_nan() || curvature <= 0.0 {
+                return (x, done);
+            }
+            let alpha = rz / curvature;
+            let next = advance(alpha, (&p, &ap, &inverse), (&mut x, &mut r, &mut z));
+            let beta = next / rz;
+            rz = next;
+            p.par_chunks_mut(CHUNK)
+                .zip(z.par_chunks(CHUNK))
+                .for_each(|(p, z)| {
+                    p.iter_mut().zip(z).for_each(|(p, z)| *p = *z + *p * beta);
+                });
+        }
+        (x, effort.iterations)
+    }
+}
+
+/// `x += α p`, `r −= α A p`, `z = M⁻¹ r`; returns `r · z`.
+fn advance(
+    alpha: f64,
+    (p, ap, inverse): (&[DVec3], &[DVec3], &[DMat3]),
+    (x, r, z): (&mut [DVec3], &mut [DVec3], &mut [DVec3]),
+) -> f64 {
+    let chunks = x
+        .par_chunks_mut(CHUNK)
+        .zip(r.par_chunks_mut(CHUNK))
+        .zip(z.par_chunks_mut(CHUNK));
+    let parts: Vec<f64> = chunks
+        .enumerate()
+        .map(|(c, ((x, r), z))| {
+            let mut dot = 0.0;
+            for k in 0..x.len() {
+                let i = c * CHUNK + k;
+                x[k] += p[i] * alpha;
+                r[k] -= ap[i] * alpha;
+                z[k] = inverse[i] * r[k];
+                dot += r[k].dot(z[k]);
+            }
+            dot
+        })
+        .collect();
+    parts.iter().sum()
+}

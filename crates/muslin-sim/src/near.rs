@@ -1,0 +1,111 @@
+//! Which pieces of cloth are near which: the list that contact and the safe step share.
+
+use glam::DVec3;
+use muslin_geom::{
+    bvh::{Bvh, face_boxes},
+    closest::{on_segments, on_triangle},
+};
+use rayon::prelude::*;
+
+use crate::weave::Weave;
+
+/// Two features that may touch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Near {
+    /// A vertex and a triangle, or two edges.
+    pub verts: [u32; 4],
+    pub is_edges: bool,
+}
+
+/// All pairs of features within reach, found at `at`.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Neighbours {
+    pub list: Vec<Near>,
+    /// Positions the list was made at [m].
+    at: Vec<DVec3>,
+    /// Distance below which every pair is in the list [m].
+    reach: f64,
+}
+
+/// Pairs of triangles tested by one task.
+const PAIRS: usize = 2048;
+
+impl Neighbours {
+    /// Finds the pairs within `reach` [m] at `x`. `tree` is a tree over the faces, of any shape.
+    pub fn find(weave: &Weave, tree: &mut Bvh, x: &[DVec3], reach: f64) -> Neighbours {
+        tree.refit(&face_boxes(x, &weave.faces));
+        let pairs = tree.self_pairs(reach);
+        let lists: Vec<Vec<Near>> = pairs
+            .par_chunks(PAIRS)
+            .map(|chunk| {
+                let mut out = Vec::new();
+                for &[f, g] in chunk {
+                    features(weave, x, (f as usize, g as usize, reach), &mut out);
+                }
+                out
+            })
+            .collect();
+        Neighbours {
+            list: lists.concat(),
+            at: x.to_vec(),
+            reach,
+        }
+    }
+
+    /// Whether the list still holds every pair within `radius` [m] after the cloth moved to `x`.
+    pub fn covers(&self, x: &[DVec3], radius: f64) -> bool {
+        let room = 0.5 * (self.reach - radius);
+        self.at.len() == x.len()
+            && room >= 0.0
+            && self
+                .at
+                .iter()
+                .zip(x)
+                .all(|(a, b)| a.distance_squared(*b) <= room * room)
+    }
+}
+
+fn features(weave: &Weave, x: &[DVec3], (f, g, reach): (usize, usize, f64), out: &mut Vec<Near>) {
+    let (mine, theirs) = (&weave.owned[f], &weave.owned[g]);
+    for (owned, other) in [(mine, g), (theirs, f)] {
+        for v in owned.verts.into_iter().filter(|v| *v != u32::MAX) {
+            let t = weave.faces[other];
+            if !t.contains(&v) && vertex_near(x, v, t, reach) {
+                out.push(Near {
+                    verts: [v, t[0], t[1], t[2]],
+                    is_edges: false,
+                });
+            }
+        }
+    }
+    for e in mine.edges.into_iter().filter(|e| *e != u32::MAX) {
+        for d in theirs.edges.into_iter().filter(|d| *d != u32::MAX) {
+            let ([a, b], [c, d]) = (weave.edges[e as usize], weave.edges[d as usize]);
+            let apart = a != c && a != d && b != c && b != d;
+            if apart && edges_near(x, [a, b, c, d], reach) {
+                out.push(Near {
+                    verts: [a, b, c, d],
+                    is_edges: true,
+                });
+            }
+        }
+    }
+}
+
+fn vertex_near(x: &[DVec3], v: u32, t: [u32; 3], reach: f64) -> bool {
+    let (p, t) = (x[v as usize], t.map(|i| x[i as usize]));
+    let (low, high) = (
+        t[0].min(t[1]).min(t[2]) - reach,
+        t[0].max(t[1]).max(t[2]) + reach,
+    );
+    p.cmpge(low).all()
+        && p.cmple(high).all()
+        && on_triangle(p, &t).point.distance_squared(p) <= reach * reach
+}
+
+fn edges_near(x: &[DVec3], v: [u32; 4], reach: f64) -> bool {
+    let [a, b, c, d] = v.map(|i| x[i as usize]);
+    (a.min(b) - reach).cmple(c.max(d)).all()
+        && (c.min(d) - reach).cmple(a.max(b)).all()
+        && on_segments([a, b], [c, d]).distance <= reach
+}

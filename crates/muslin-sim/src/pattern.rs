@@ -1,0 +1,90 @@
+//! Who is coupled to whom: the places of the matrix, found once per cloth.
+
+/// Lists of entries, one list per row.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Rows {
+    /// Where each row starts; one more entry than rows.
+    pub start: Vec<u32>,
+    /// Entries of all rows.
+    pub items: Vec<u32>,
+}
+
+impl Rows {
+    /// Sorts `(row, item)` pairs into rows; an item given twice is kept once.
+    pub fn sorted(n: usize, mut pairs: Vec<(u32, u32)>) -> Rows {
+        pairs.sort_unstable();
+        pairs.dedup();
+        Rows::gather(n, &pairs)
+    }
+
+    /// Rows from pairs that are in row order already.
+    fn gather(n: usize, pairs: &[(u32, u32)]) -> Rows {
+        let mut start = vec![0; n + 1];
+        for &(row, _) in pairs {
+            start[row as usize + 1] += 1;
+        }
+        for i in 0..n {
+            start[i + 1] += start[i];
+        }
+        Rows {
+            start,
+            items: pairs.iter().map(|p| p.1).collect(),
+        }
+    }
+
+    pub fn span(&self, row: usize) -> std::ops::Range<usize> {
+        self.start[row] as usize..self.start[row + 1] as usize
+    }
+
+    pub fn row(&self, row: usize) -> &[u32] {
+        &self.items[self.span(row)]
+    }
+
+    /// Where `item` stands in a sorted row.
+    pub fn find(&self, row: u32, item: u32) -> Option<usize> {
+        let span = self.span(row as usize);
+        self.items[span.clone()]
+            .binary_search(&item)
+            .ok()
+            .map(|k| span.start + k)
+    }
+}
+
+/// The places of the matrix that stretch uses.
+#[derive(Clone, Debug)]
+pub(crate) struct Pattern {
+    /// Vertices that share a face, the vertex itself included, in ascending order.
+    pub near: Rows,
+    /// For every vertex its corners, as `3 face + corner`.
+    pub corners: Rows,
+    /// For every face, the place of the block that couples corner a with corner b.
+    pub places: Vec<[[u32; 3]; 3]>,
+    /// The diagonal block's place in every row.
+    pub diagonal: Vec<u32>,
+}
+
+impl Pattern {
+    pub fn new(n: usize, faces: &[[u32; 3]]) -> Pattern {
+        let mut pairs: Vec<(u32, u32)> = (0..n as u32).map(|i| (i, i)).collect();
+        let mut corners = Vec::with_capacity(faces.len() * 3);
+        for (f, face) in faces.iter().enumerate() {
+            for a in 0..3 {
+                corners.push((face[a], (3 * f + a) as u32));
+                pairs.extend((0..3).map(|b| (face[a], face[b])));
+            }
+        }
+        let near = Rows::sorted(n, pairs);
+        let place = |i, j| near.find(i, j).expect("every pair of corners was entered") as u32;
+        let places = faces
+            .iter()
+            .map(|f| f.map(|i| f.map(|j| place(i, j))))
+            .collect();
+        let diagonal = (0..n as u32).map(|i| place(i, i)).collect();
+        Pattern {
+            places,
+            diagonal,
+            corners: Rows::sorted(n, corners),
+            near,
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! How good a drape is: what a judge would measure on the delivered frame.
+
+use glam::DVec3;
+use muslin_energy::point;
+use muslin_geom::{Mesh, Surface, intersecting_pairs};
+
+use crate::{elastic, ordered, weave::Weave};
+
+/// Energies of the delivered frame [J].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Energies {
+    /// Stretch, shear and strain limit.
+    pub stretch: f64,
+    /// Bending.
+    pub bend: f64,
+    /// Weight, against the height of the origin.
+    pub weight: f64,
+}
+
+/// Cloth at rest, and how well it rests.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Settled {
+    /// Positions [m].
+    pub verts: Vec<DVec3>,
+    /// Energies at rest.
+    pub energies: Energies,
+    /// Pairs of cloth and body triangles that meet, by exact predicates.
+    pub body_intersections: usize,
+    /// Vertices of the cloth inside the body.
+    pub vertices_inside: usize,
+    /// Pairs of cloth triangles that cross, by exact predicates.
+    pub self_crossings: usize,
+    /// Stretch (0.01 is 1 %) that half of the faces stay below.
+    pub stretch_p50: f64,
+    /// Stretch that 99 % of the faces stay below.
+    pub stretch_p99: f64,
+    /// The largest stretch.
+    pub stretch_max: f64,
+    /// Time steps taken.
+    pub steps: usize,
+    /// Whether the cloth came to rest before the steps ran out.
+    pub converged: bool,
+    /// Fastest vertex at the end [m/s], leaving out the fastest in a hundred.
+    pub speed_p99: f64,
+}
+
+/// Largest principal stretch of every face at `x` [m], less one (0.01 is 1 %).
+///
+/// `rest`: material coordinates of each face's corners [m]; a face without area has none: zero.
+pub fn stretch(faces: &[[u32; 3]], rest: &[[glam::DVec2; 3]], x: &[DVec3]) -> Vec<f64> {
+    let one = |(f, r): (&[u32; 3], &[glam::DVec2; 3])| {
+        let patch = muslin_energy::RestTriangle::new(*r)?;
+        Some(largest(&patch.deformation(&f.map(|i| x[i as usize]))))
+    };
+    faces
+        .iter()
+        .zip(rest)
+        .map(|pair| one(pair).unwrap_or(0.0))
+        .collect()
+}
+
+fn largest(f: &[DVec3; 2]) -> f64 {
+    let (a, b, d) = (f[0].length_squared(), f[0].dot(f[1]), f[1].length_squared());
+    (0.5 * (a + d) + (0.5 * (a - d)).hypot(b)).sqrt() - 1.0
+}
+
+/// The value below which a `share` of all lies; zero of none.
+pub(crate) fn percentile(values: &mut [f64], share: f64) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    values.sort_unstable_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * share).round() as usize]
+}
+
+impl Settled {
+    /// Measures `verts` [m] on the body `skin`.
+    pub(crate) fn measure(
+        weave: &Weave,
+        verts: Vec<DVec3>,
+        skin: &Surface,
+        self_crossings: usize,
+    ) -> Settled {
+        let of = |f: usize| largest(&weave.patches[f].rest.deformation(&weave.corners(&verts, f)));
+        let mut stretch = ordered::map(weave.faces.len(), of);
+        let inside = ordered::map(verts.len(), |i| {
+            usize::from(
+                skin.closest(verts[i], 0.05)
+                    .is_some_and(|hit| hit.signed < 0.0),
+            )
+        });
+        Settled {
+            energies: energies(weave, &verts),
+            body_intersections: body_intersections(weave, &verts, skin).len(),
+            vertices_inside: inside.into_iter().sum(),
+            self_crossings,
+            stretch_p50: percentile(&mut stretch, 0.5),
+            stretch_p99: percentile(&mut stretch, 0.99),
+            stretch_max: percentile(&mut stretch, 1.0),
+            verts,
+            ..Settled::default()
+        }
+    }
+}
+
+fn energies(weave: &Weave, x: &[DVec3]) -> Energies {
+    let near = &weave.pattern.near;
+    let g = DVec3::new(0.0, -9.81, 0.0);
+    let sum = |part: &(dyn Fn(usize) -> f64 + Sync)| ordered::sum(x.len(), |r| r.map(part).sum());
+    Energies {
+        stretch: elastic::energy(weave, x),
+        bend: sum(&|i| 0.5 * weave.bending.pull(i, x, near).dot(x[i] - x[0])),
+        weight: sum(&|i| point::gravity(x[i], weave.mass[i], g).energy),
+    }
+}
+
+/// Pairs `[cloth face, body face]` that meet.
+pub(crate) fn body_intersections(weave: &Weave, x: &[DVec3], skin: &Surface) -> Vec<[u32; 2]> {
+    let cloth = Mesh {
+        verts: x.to_vec(),
+        faces: weave.faces.clone(),
+    };
+    let body = Mesh {
+        verts: skin.verts().to_vec(),
+        faces: skin.faces().to_vec(),
+    };
+    intersecting_pairs(&cloth, &body)
+}

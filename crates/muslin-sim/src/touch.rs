@@ -1,0 +1,95 @@
+//! Contact with the body: where cloth touches skin, and what that costs.
+//!
+//! A touch is a point of the cloth (a vertex, or a point of a face) against the plane through the
+//! nearest skin. The plane stays while a step is solved; the next step finds it anew. As the side
+//! is signed, cloth that starts inside is pushed out by the same law.
+
+use glam::{DMat3, DVec3};
+use muslin_energy::{AtPoint, contact, contact::Barrier, friction, friction::Pressed};
+
+/// A point of the cloth near the body.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Touch {
+    /// Corners whose weighted sum touches; a vertex has weight one on its first corner.
+    pub verts: [u32; 3],
+    pub weights: [f64; 3],
+    /// The face with these corners; none for a vertex.
+    pub face: Option<u32>,
+    /// Nearest skin point at the end of the step [m].
+    pub skin: DVec3,
+    /// Outward unit normal there.
+    pub normal: DVec3,
+    /// Where the cloth point would be if it had stuck to the skin [m].
+    pub stuck: DVec3,
+    pub barrier: Barrier,
+    /// Largest friction force [N], from the press before the step.
+    pub grip: f64,
+    /// Slide that still counts as sticking [m].
+    pub stick: f64,
+}
+
+impl Touch {
+    pub fn point(&self, x: &[DVec3]) -> DVec3 {
+        let at = |k: usize| x[self.verts[k] as usize] * self.weights[k];
+        at(0) + at(1) + at(2)
+    }
+
+    /// Signed distance from the skin's plane [m].
+    pub fn gap(&self, x: &[DVec3]) -> f64 {
+        (self.point(x) - self.skin).dot(self.normal)
+    }
+
+    /// Energy, force and stiffness at the touching point.
+    pub fn answer(&self, x: &[DVec3]) -> AtPoint {
+        let p = self.point(x);
+        let mut out = contact::plane(p - self.skin, self.normal, &self.barrier);
+        if self.grip > 0.0 {
+            let on = Pressed {
+                normal: self.normal,
+                limit: self.grip,
+                stick: self.stick,
+            };
+            let rub = friction::slide(p - self.stuck, &on);
+            out.energy += rub.energy;
+            out.gradient += rub.gradient;
+            out.hessian += rub.hessian;
+        }
+        out
+    }
+
+    /// Sets the grip from the press at `x`, with Coulomb's coefficient `mu`.
+    pub fn press(&mut self, x: &[DVec3], mu: f64) {
+        let [_, slope, _] = self.barrier.at(self.gap(x));
+        self.grip = -slope * mu;
+    }
+}
+
+/// Sum of the touches' energies [J].
+pub(crate) fn energy(touches: &[Touch], x: &[DVec3]) -> f64 {
+    crate::ordered::sum(touches.len(), |range| {
+        range.map(|t| touches[t].answer(x).energy).sum()
+    })
+}
+
+/// Adds gradient and blocks of every touch.
+pub(crate) fn add(
+    touches: &[Touch],
+    x: &[DVec3],
+    gradient: &mut [DVec3],
+    mut block: impl FnMut(&Touch, usize, usize, DMat3),
+) {
+    let answers = crate::ordered::map(touches.len(), |t| touches[t].answer(x));
+    for (touch, answer) in touches.iter().zip(answers) {
+        for a in (0..3).filter(|&a| touch.weights[a] != 0.0) {
+            gradient[touch.verts[a] as usize] += answer.gradient * touch.weights[a];
+            for b in (0..3).filter(|&b| touch.weights[b] != 0.0) {
+                block(
+                    touch,
+                    a,
+                    b,
+                    answer.hessian * (touch.weights[a] * touch.weights[b]),
+                );
+            }
+        }
+    }
+}

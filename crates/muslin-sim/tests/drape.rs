@@ -1,0 +1,131 @@
+//! Scenes whose answer is known: from a formula, or because it must be clean.
+
+mod scenes;
+
+use glam::{DVec2, DVec3};
+use muslin_sim::{Cloth, Options, Settled, drape};
+use scenes::{capsule, cotton, cut, grid, look, tube};
+
+/// A body far below everything, for scenes without one.
+fn nobody() -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    capsule(DVec3::Y * -9.0, DVec3::Y * -8.0, 0.1, 8)
+}
+
+fn assert_clean(settled: &Settled) {
+    assert!(settled.verts.iter().all(|v| v.is_finite()));
+    assert_eq!(settled.body_intersections, 0, "cloth meets body");
+    assert_eq!(settled.vertices_inside, 0, "vertices inside");
+    assert_eq!(settled.self_crossings, 0, "cloth meets cloth");
+}
+
+#[test]
+fn a_hanging_strip_stretches_by_its_own_weight() {
+    let mut material = cotton();
+    material.limit = None;
+    material.stretch.warp = 20.0;
+    let (size, cells) = (DVec2::new(0.05, 0.5), [4, 40]);
+    let (flat, faces) = grid(size, cells);
+    let rest = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
+    let start: Vec<DVec3> = flat.iter().map(|p| DVec3::new(p.x, p.y, 0.0)).collect();
+    let top = (start.len() - 5) as u32;
+    let pins = (top..start.len() as u32).collect();
+    let cloth = Cloth {
+        pins,
+        ..cut(start.len(), faces, rest, material)
+    };
+    let (body, body_faces) = nobody();
+    let options = Options {
+        last_steps: 300,
+        iterations: 80,
+        still: 1e-4,
+        ..Options::default()
+    };
+    let settled = drape(&cloth, &start, (&[body], &body_faces), &options).expect("valid scene");
+    // Above height y hangs ρ g y: the end sinks by ρ g L² / (2 k).
+    let want = material.density * 9.81 * 0.5 * 0.5 / (2.0 * 20.0);
+    let got = -settled.verts[2].y;
+    assert!(
+        (got / want - 1.0).abs() < 0.01,
+        "sank {got} m, expected {want} m"
+    );
+    assert!(settled.converged);
+}
+
+fn on_a_sphere(threads: usize) -> Settled {
+    let (flat, faces) = grid(DVec2::splat(0.6), [40, 40]);
+    let rest = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
+    // The material seen from above: x to the right, y away, so that faces look up.
+    let place = |p: &DVec2| DVec3::new(p.x - 0.3, 0.21, 0.3 - p.y);
+    let start: Vec<DVec3> = flat.iter().map(place).collect();
+    let cloth = cut(start.len(), faces, rest, cotton());
+    let (body, body_faces) = capsule(DVec3::ZERO, DVec3::Y * 1e-6, 0.2, 48);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let run = || {
+        drape(
+            &cloth,
+            &start,
+            (&[body.clone()], &body_faces),
+            &Options::default(),
+        )
+    };
+    let settled = pool
+        .expect("threads can be started")
+        .install(run)
+        .expect("valid scene");
+    look(
+        "sphere",
+        &[(&body, &body_faces), (&settled.verts, &cloth.faces)],
+    );
+    settled
+}
+
+#[test]
+fn a_cloth_over_a_sphere_ends_clean_with_the_same_bits_on_any_threads() {
+    let one = on_a_sphere(1);
+    assert_clean(&one);
+    assert!(one.stretch_p99 < 0.07, "stretch {}", one.stretch_p99);
+    let lowest = one.verts.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
+    assert!(
+        (-0.3..-0.1).contains(&lowest),
+        "the corners hang at {lowest}"
+    );
+    for threads in [2, 3, 8] {
+        assert!(
+            one == on_a_sphere(threads),
+            "{threads} threads gave other bits"
+        );
+    }
+}
+
+/// A torso with one arm that swings from 60 degrees off the side down to `end`.
+fn torso_with_arm(angle: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let (mut verts, mut faces) = capsule(DVec3::Y * 0.9, DVec3::Y * 1.35, 0.14, 40);
+    let shoulder = DVec3::new(0.17, 1.38, 0.0);
+    let hand = shoulder + DVec3::new(angle.sin(), -angle.cos(), 0.0) * 0.55;
+    let (arm, arm_faces) = capsule(shoulder, hand, 0.05, 24);
+    let base = verts.len() as u32;
+    verts.extend(arm);
+    faces.extend(arm_faces.iter().map(|f| f.map(|i| i + base)));
+    (verts, faces)
+}
+
+#[test]
+fn a_tube_stays_clean_while_an_arm_comes_down_beside_it() {
+    let (cloth, start) = tube((0.16, 0.165), (0.85, 0.42), 0.014, cotton());
+    let path: Vec<Vec<DVec3>> = (0..=16)
+        .map(|k| torso_with_arm(1.1 - 0.06 * f64::from(k)).0)
+        .collect();
+    let body_faces = torso_with_arm(1.0).1;
+    let settled =
+        drape(&cloth, &start, (&path, &body_faces), &Options::default()).expect("valid scene");
+    look(
+        "tube",
+        &[(&path[16], &body_faces), (&settled.verts, &cloth.faces)],
+    );
+    assert_clean(&settled);
+    assert!(
+        settled.stretch_p99 < 0.07,
+        "stretch {}",
+        settled.stretch_p99
+    );
+}
