@@ -54,7 +54,9 @@ pub enum NetError {
 impl Net {
     /// Prepares `graph` to compute the outputs at these places of its list of outputs.
     pub fn new(graph: &Graph, outputs: &[usize]) -> Result<Self, NetError> {
-        Ok(Self { plan: Plan::new(graph, outputs)? })
+        Ok(Self {
+            plan: Plan::new(graph, outputs)?,
+        })
     }
 
     /// The shape of every input.
@@ -78,7 +80,11 @@ impl Net {
         let given = inputs.iter().map(|x| x.len()).chain(std::iter::repeat(0));
         for (i, (&(slot, want), got)) in plan.inputs.iter().zip(given).enumerate() {
             if want != got {
-                return Err(NetError::Input { input: i, want, got });
+                return Err(NetError::Input {
+                    input: i,
+                    want,
+                    got,
+                });
             }
             scratch.slots[slot][..want].copy_from_slice(inputs[i]);
         }
@@ -86,7 +92,11 @@ impl Net {
             run(step, scratch);
         }
         let slots = &scratch.slots;
-        Ok(plan.outputs.iter().map(|&(slot, len)| &slots[slot][..len]).collect())
+        Ok(plan
+            .outputs
+            .iter()
+            .map(|&(slot, len)| &slots[slot][..len])
+            .collect())
     }
 }
 
@@ -109,16 +119,35 @@ fn run(step: &Step, scratch: &mut Scratch) {
     let arg = |i: usize| &scratch.slots[step.args[i].0][..step.args[i].1];
     let plus = step.plus.map(|(slot, len)| &scratch.slots[slot][..len]);
     match &step.work {
-        Work::Conv { walk, weights, limits } => {
-            let finish = Finish { limits: *limits, plus };
+        Work::Conv {
+            walk,
+            weights,
+            limits,
+        } => {
+            let finish = Finish {
+                limits: *limits,
+                plus,
+            };
             conv((walk, weights), arg(0), &mut scratch.windows, (finish, out));
         }
         Work::Full { weights, limits } => {
-            multiply(weights, arg(0), Finish { limits: *limits, plus }, out);
+            multiply(
+                weights,
+                arg(0),
+                Finish {
+                    limits: *limits,
+                    plus,
+                },
+                out,
+            );
         }
         Work::Depthwise { walk, taps } => depthwise(walk, taps, arg(0), out),
         Work::Add(limits) => pixels::add(arg(0), arg(1), *limits, out),
-        Work::Pad { shape, before, padded } => {
+        Work::Pad {
+            shape,
+            before,
+            padded,
+        } => {
             pixels::pad(arg(0), *shape, (*before, *padded), out);
         }
         Work::MaxPool(walk) => pixels::max_pool(walk, arg(0), out),

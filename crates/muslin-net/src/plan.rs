@@ -38,14 +38,35 @@ pub(crate) struct Step {
 }
 
 pub(crate) enum Work {
-    Conv { walk: Walk, weights: Packed, limits: [f32; 2] },
-    Full { weights: Packed, limits: [f32; 2] },
-    Depthwise { walk: Walk, taps: Taps },
+    Conv {
+        walk: Walk,
+        weights: Packed,
+        limits: [f32; 2],
+    },
+    Full {
+        weights: Packed,
+        limits: [f32; 2],
+    },
+    Depthwise {
+        walk: Walk,
+        taps: Taps,
+    },
     Add([f32; 2]),
-    Pad { shape: [usize; 3], before: [usize; 3], padded: [usize; 3] },
+    Pad {
+        shape: [usize; 3],
+        before: [usize; 3],
+        padded: [usize; 3],
+    },
     MaxPool(Walk),
-    Resize { line: [usize; 2], rows: Vec<Between>, cols: Vec<Between> },
-    DepthToSpace { shape: [usize; 3], block: usize },
+    Resize {
+        line: [usize; 2],
+        rows: Vec<Between>,
+        cols: Vec<Between>,
+    },
+    DepthToSpace {
+        shape: [usize; 3],
+        block: usize,
+    },
     Concat(Vec<usize>),
     Logistic,
     Prelu(Vec<f32>),
@@ -92,7 +113,12 @@ impl Plan {
                     room.give_back(*t);
                 }
             }
-            Step { work: work(graph, draft), args, plus, output }
+            Step {
+                work: work(graph, draft),
+                args,
+                plus,
+                output,
+            }
         });
         let steps = steps.collect();
         let shapes = |ts: &[usize]| ts.iter().map(|&t| graph.tensors[t].shape.clone()).collect();
@@ -151,26 +177,44 @@ fn check(graph: &Graph) -> Result<(), NetError> {
     for (i, t) in graph.tensors.iter().enumerate() {
         let n = count(&t.shape).filter(|&n| n <= MOST_VALUES);
         if n.is_none() || t.data.as_ref().is_some_and(|d| Some(d.len()) != n) {
-            return Err(NetError::Broken(format!("tensor {i} cannot have shape {:?}", t.shape)));
+            return Err(NetError::Broken(format!(
+                "tensor {i} cannot have shape {:?}",
+                t.shape
+            )));
         }
     }
     let n = graph.tensors.len();
     let roots = graph.inputs.iter().chain(&graph.outputs);
-    if roots.chain(graph.nodes.iter().map(|n| &n.output)).any(|&t| t >= n) {
-        return Err(NetError::Broken(format!("it names a tensor beyond its {n}")));
+    if roots
+        .chain(graph.nodes.iter().map(|n| &n.output))
+        .any(|&t| t >= n)
+    {
+        return Err(NetError::Broken(format!(
+            "it names a tensor beyond its {n}"
+        )));
     }
     for &t in &graph.inputs {
         if std::mem::replace(&mut known[t], true) {
-            return Err(NetError::Broken(format!("input tensor {t} is already given")));
+            return Err(NetError::Broken(format!(
+                "input tensor {t} is already given"
+            )));
         }
     }
     for (i, node) in graph.nodes.iter().enumerate() {
         check_node(graph, node, &mut known).map_err(|what| {
             let kind = format!("{:?}", node.kind);
-            NetError::Node { node: i, kind, what }
+            NetError::Node {
+                node: i,
+                kind,
+                what,
+            }
         })?;
     }
-    match graph.outputs.iter().find(|&&t| !known[t] || graph.tensors[t].data.is_some()) {
+    match graph
+        .outputs
+        .iter()
+        .find(|&&t| !known[t] || graph.tensors[t].data.is_some())
+    {
         Some(t) => Err(NetError::Broken(format!("nothing makes output tensor {t}"))),
         None => Ok(()),
     }
@@ -178,10 +222,15 @@ fn check(graph: &Graph) -> Result<(), NetError> {
 
 fn check_node(graph: &Graph, node: &Node, known: &mut [bool]) -> Result<(), String> {
     if let Some(t) = node.inputs.iter().find(|&&t| known.get(t) != Some(&true)) {
-        return Err(format!("its argument, tensor {t}, is not computed before it"));
+        return Err(format!(
+            "its argument, tensor {t}, is not computed before it"
+        ));
     }
-    let shapes: Vec<&[usize]> =
-        node.inputs.iter().map(|&t| graph.tensors[t].shape.as_slice()).collect();
+    let shapes: Vec<&[usize]> = node
+        .inputs
+        .iter()
+        .map(|&t| graph.tensors[t].shape.as_slice())
+        .collect();
     let made = infer(&node.kind, &shapes)?;
     let stated = &graph.tensors[node.output].shape;
     if made != *stated {
@@ -190,7 +239,11 @@ fn check_node(graph: &Graph, node: &Node, known: &mut [bool]) -> Result<(), Stri
     let constants = constants(&node.kind);
     for (i, &t) in node.inputs.iter().enumerate() {
         if graph.tensors[t].data.is_some() != (i >= constants) {
-            let what = if i >= constants { "constant" } else { "computed" };
+            let what = if i >= constants {
+                "constant"
+            } else {
+                "computed"
+            };
             return Err(format!("argument {i} must be {what}"));
         }
     }
@@ -211,7 +264,11 @@ fn constants(kind: &Kind) -> usize {
 /// For every tensor, the one whose memory it shares.
 fn aliases(graph: &Graph) -> Vec<usize> {
     let mut alias: Vec<usize> = (0..graph.tensors.len()).collect();
-    for node in graph.nodes.iter().filter(|n| matches!(n.kind, Kind::Reshape(_))) {
+    for node in graph
+        .nodes
+        .iter()
+        .filter(|n| matches!(n.kind, Kind::Reshape(_)))
+    {
         alias[node.output] = alias[node.inputs[0]];
     }
     alias
@@ -262,7 +319,14 @@ fn drafts<'a>(graph: &'a Graph, outputs: &[usize]) -> Vec<Draft<'a>> {
         }
         let activation = activation(&node.kind);
         let output = node.output;
-        drafts.push(Draft { node, args, zeros: around, activation, plus: None, output });
+        drafts.push(Draft {
+            node,
+            args,
+            zeros: around,
+            activation,
+            plus: None,
+            output,
+        });
     }
     drafts
 }
@@ -326,7 +390,9 @@ fn fusable(drafts: &[Draft<'_>], i: usize, uses: &[usize]) -> Option<(usize, usi
             d.output == t && plain && uses[t] == 1
         })
     };
-    [1, 0].into_iter().find_map(|term| Some((makes(sum.args[term])?, term)))
+    [1, 0]
+        .into_iter()
+        .find_map(|term| Some((makes(sum.args[term])?, term)))
 }
 
 fn work(graph: &Graph, draft: &Draft<'_>) -> Work {
@@ -334,32 +400,60 @@ fn work(graph: &Graph, draft: &Draft<'_>) -> Work {
     let whole = || image(shape(draft.args[0])).expect("checked to be an image");
     let made = || image(shape(draft.output)).expect("checked to be an image");
     let constant = |i: usize| {
-        graph.tensors[draft.node.inputs[i]].data.as_deref().expect("checked to be constant")
+        graph.tensors[draft.node.inputs[i]]
+            .data
+            .as_deref()
+            .expect("checked to be constant")
     };
     let weights = || Packed::new(constant(1), constant(2));
     let limits = draft.activation.limits();
     let size = || [1, 2].map(|axis| shape(draft.node.inputs[1])[axis]);
     match &draft.node.kind {
-        Kind::Conv(w, _) => {
-            Work::Conv { walk: walk(whole(), size(), *w, draft.zeros), weights: weights(), limits }
-        }
-        Kind::FullyConnected(_) => Work::Full { weights: weights(), limits },
+        Kind::Conv(w, _) => Work::Conv {
+            walk: walk(whole(), size(), *w, draft.zeros),
+            weights: weights(),
+            limits,
+        },
+        Kind::FullyConnected(_) => Work::Full {
+            weights: weights(),
+            limits,
+        },
         Kind::Depthwise(w, _) => {
             let (weights, bias) = (constant(1).to_vec(), constant(2).to_vec());
             let walk = walk(whole(), size(), *w, draft.zeros);
-            Work::Depthwise { walk, taps: Taps { weights, bias, limits } }
+            Work::Depthwise {
+                walk,
+                taps: Taps {
+                    weights,
+                    bias,
+                    limits,
+                },
+            }
         }
         Kind::Add(_) => Work::Add(limits),
-        Kind::Pad(p) => {
-            Work::Pad { shape: whole(), before: [p[1][0], p[2][0], p[3][0]], padded: made() }
-        }
+        Kind::Pad(p) => Work::Pad {
+            shape: whole(),
+            before: [p[1][0], p[2][0], p[3][0]],
+            padded: made(),
+        },
         Kind::MaxPool { window, size } => Work::MaxPool(walk(whole(), *size, *window, [[0; 2]; 2])),
-        Kind::Resize { size, align_corners, half_pixel } => {
+        Kind::Resize {
+            size,
+            align_corners,
+            half_pixel,
+        } => {
             let [h, w, c] = whole();
             let axis = |n, out| between(n, out, *align_corners, *half_pixel);
-            Work::Resize { line: [w, c], rows: axis(h, size[0]), cols: axis(w, size[1]) }
+            Work::Resize {
+                line: [w, c],
+                rows: axis(h, size[0]),
+                cols: axis(w, size[1]),
+            }
         }
-        Kind::DepthToSpace(block) => Work::DepthToSpace { shape: whole(), block: *block },
+        Kind::DepthToSpace(block) => Work::DepthToSpace {
+            shape: whole(),
+            block: *block,
+        },
         Kind::Concat(axis) => {
             let run = |&t: &usize| shape(t)[*axis..].iter().product();
             Work::Concat(draft.node.inputs.iter().map(run).collect())
@@ -393,36 +487,73 @@ mod tests {
     use crate::kernels::noise::{assert_close, values};
     use crate::net::{Net, Scratch};
 
-    const SAME: Window = Window { stride: [1, 1], padding: Padding::Same };
-    const INNER: Window = Window { stride: [2, 2], padding: Padding::Valid };
+    const SAME: Window = Window {
+        stride: [1, 1],
+        padding: Padding::Same,
+    };
+    const INNER: Window = Window {
+        stride: [2, 2],
+        padding: Padding::Valid,
+    };
 
     /// Adds a node that makes a tensor of the shape it infers.
     fn node(g: &mut Graph, kind: Kind, inputs: &[usize]) -> usize {
         let shapes: Vec<&[usize]> = inputs.iter().map(|&t| &g.tensors[t].shape[..]).collect();
         let shape = infer(&kind, &shapes).expect("the test's graph is sound");
-        g.tensors.push(Tensor { shape, ..Default::default() });
+        g.tensors.push(Tensor {
+            shape,
+            ..Default::default()
+        });
         let output = g.tensors.len() - 1;
-        g.nodes.push(Node { kind, inputs: inputs.to_vec(), output });
+        g.nodes.push(Node {
+            kind,
+            inputs: inputs.to_vec(),
+            output,
+        });
         output
     }
 
     fn constant(g: &mut Graph, shape: &[usize], seed: u32) -> usize {
         let data = Some(values(shape.iter().product(), seed));
-        g.tensors.push(Tensor { shape: shape.to_vec(), data, ..Default::default() });
+        g.tensors.push(Tensor {
+            shape: shape.to_vec(),
+            data,
+            ..Default::default()
+        });
         g.tensors.len() - 1
     }
 
     /// Pad, two windows that read it, a sum, an activation, joined: every fold meets another.
     fn sample() -> Graph {
         let mut g = Graph::default();
-        g.tensors.push(Tensor { shape: vec![1, 6, 8, 4], ..Default::default() });
+        g.tensors.push(Tensor {
+            shape: vec![1, 6, 8, 4],
+            ..Default::default()
+        });
         g.inputs = vec![0];
-        let padded = node(&mut g, Kind::Pad(vec![[0, 0], [0, 1], [1, 0], [0, 0]]), &[0]);
-        let (w, b) = (constant(&mut g, &[5, 3, 3, 4], 1), constant(&mut g, &[5], 2));
-        let (dw, db) = (constant(&mut g, &[1, 3, 3, 4], 3), constant(&mut g, &[4], 4));
-        let (pw, pb) = (constant(&mut g, &[5, 1, 1, 4], 5), constant(&mut g, &[5], 6));
+        let padded = node(
+            &mut g,
+            Kind::Pad(vec![[0, 0], [0, 1], [1, 0], [0, 0]]),
+            &[0],
+        );
+        let (w, b) = (
+            constant(&mut g, &[5, 3, 3, 4], 1),
+            constant(&mut g, &[5], 2),
+        );
+        let (dw, db) = (
+            constant(&mut g, &[1, 3, 3, 4], 3),
+            constant(&mut g, &[4], 4),
+        );
+        let (pw, pb) = (
+            constant(&mut g, &[5, 1, 1, 4], 5),
+            constant(&mut g, &[5], 6),
+        );
         let a = node(&mut g, Kind::Conv(INNER, Activation::None), &[padded, w, b]);
-        let d = node(&mut g, Kind::Depthwise(INNER, Activation::Relu), &[padded, dw, db]);
+        let d = node(
+            &mut g,
+            Kind::Depthwise(INNER, Activation::Relu),
+            &[padded, dw, db],
+        );
         let p = node(&mut g, Kind::Conv(SAME, Activation::None), &[d, pw, pb]);
         let sum = node(&mut g, Kind::Add(Activation::Relu6), &[a, p]);
         let flat = node(&mut g, Kind::Reshape(vec![1, 60]), &[sum]);
@@ -443,7 +574,11 @@ mod tests {
         let plain = Net::new(&open, &all).expect("sound");
         let want = plain.run(&[&x], &mut scratch).expect("sound")[0].to_vec();
         let net = Net::new(&g, &[0]).expect("sound");
-        assert_eq!(net.plan.steps.len(), 4, "conv, depthwise, conv with sum, join");
+        assert_eq!(
+            net.plan.steps.len(),
+            4,
+            "conv, depthwise, conv with sum, join"
+        );
         assert_eq!(plain.plan.steps.len(), 6);
         let got = net.run(&[&x], &mut scratch).expect("sound")[0];
         assert!(want.iter().any(|&v| v > 0.0 && v < 6.0));

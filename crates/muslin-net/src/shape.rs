@@ -5,7 +5,9 @@ use crate::graph::{Kind, Padding, Window};
 /// The output shape of `kind` over arguments of these shapes, or what is wrong with them.
 pub(crate) fn infer(kind: &Kind, args: &[&[usize]]) -> Result<Vec<usize>, String> {
     let n_args = n_args(kind).unwrap_or(args.len());
-    need(args.len() == n_args && n_args > 0, || format!("{} arguments", args.len()))?;
+    need(args.len() == n_args && n_args > 0, || {
+        format!("{} arguments", args.len())
+    })?;
     match kind {
         Kind::Conv(w, _) => conv(args, *w),
         Kind::Depthwise(w, _) => depthwise(args, *w),
@@ -15,7 +17,9 @@ pub(crate) fn infer(kind: &Kind, args: &[&[usize]]) -> Result<Vec<usize>, String
         Kind::MaxPool { window, size } => pool(args[0], *window, *size),
         Kind::Resize { size, .. } => {
             let [h, w, c] = image(args[0])?;
-            need(h * w * c > 0 && size[0] > 0 && size[1] > 0, || "an empty image".into())?;
+            need(h * w * c > 0 && size[0] > 0 && size[1] > 0, || {
+                "an empty image".into()
+            })?;
             Ok(vec![1, size[0], size[1], c])
         }
         Kind::DepthToSpace(b) => depth_to_space(args[0], *b),
@@ -48,7 +52,9 @@ pub(crate) fn count(shape: &[usize]) -> Option<usize> {
 pub(crate) fn image(shape: &[usize]) -> Result<[usize; 3], String> {
     match *shape {
         [1, h, w, c] => Ok([h, w, c]),
-        _ => Err(format!("{shape:?} where one image [1, height, width, channels] belongs")),
+        _ => Err(format!(
+            "{shape:?} where one image [1, height, width, channels] belongs"
+        )),
     }
 }
 
@@ -78,9 +84,14 @@ fn slide_both(hw: [usize; 2], size: [usize; 2], w: Window) -> Result<[usize; 2],
 
 fn conv(args: &[&[usize]], w: Window) -> Result<Vec<usize>, String> {
     let [h, wd, c] = image(args[0])?;
-    let [n, kh, kw, ci] = *args[1] else { return Err(format!("weights {:?}", args[1])) };
+    let [n, kh, kw, ci] = *args[1] else {
+        return Err(format!("weights {:?}", args[1]));
+    };
     need(ci == c && ci * n > 0 && args[2] == [n], || {
-        format!("image {:?}, weights {:?}, bias {:?}", args[0], args[1], args[2])
+        format!(
+            "image {:?}, weights {:?}, bias {:?}",
+            args[0], args[1], args[2]
+        )
     })?;
     let [oh, ow] = slide_both([h, wd], [kh, kw], w)?;
     Ok(vec![1, oh, ow, n])
@@ -88,9 +99,14 @@ fn conv(args: &[&[usize]], w: Window) -> Result<Vec<usize>, String> {
 
 fn depthwise(args: &[&[usize]], w: Window) -> Result<Vec<usize>, String> {
     let [h, wd, c] = image(args[0])?;
-    let [1, kh, kw, ci] = *args[1] else { return Err(format!("weights {:?}", args[1])) };
+    let [1, kh, kw, ci] = *args[1] else {
+        return Err(format!("weights {:?}", args[1]));
+    };
     need(ci == c && c > 0 && args[2] == [c], || {
-        format!("image {:?}, weights {:?}, bias {:?}", args[0], args[1], args[2])
+        format!(
+            "image {:?}, weights {:?}, bias {:?}",
+            args[0], args[1], args[2]
+        )
     })?;
     let [oh, ow] = slide_both([h, wd], [kh, kw], w)?;
     Ok(vec![1, oh, ow, c])
@@ -101,7 +117,10 @@ fn fully_connected(args: &[&[usize]]) -> Result<Vec<usize>, String> {
         (&[rows, k], &[n, k2], &[n2]) if k == k2 && n == n2 && rows * k * n > 0 => {
             Ok(vec![rows, n])
         }
-        _ => Err(format!("rows {:?}, weights {:?}, bias {:?}", args[0], args[1], args[2])),
+        _ => Err(format!(
+            "rows {:?}, weights {:?}, bias {:?}",
+            args[0], args[1], args[2]
+        )),
     }
 }
 
@@ -112,7 +131,9 @@ fn same(a: &[usize], b: &[usize]) -> Result<Vec<usize>, String> {
 
 fn pad(a: &[usize], p: &[[usize; 2]]) -> Result<Vec<usize>, String> {
     image(a)?;
-    need(a.len() == p.len(), || format!("{} paddings for {a:?}", p.len()))?;
+    need(a.len() == p.len(), || {
+        format!("{} paddings for {a:?}", p.len())
+    })?;
     Ok(a.iter().zip(p).map(|(n, [b, e])| n + b + e).collect())
 }
 
@@ -124,12 +145,16 @@ fn pool(a: &[usize], w: Window, size: [usize; 2]) -> Result<Vec<usize>, String> 
 
 fn depth_to_space(a: &[usize], b: usize) -> Result<Vec<usize>, String> {
     let [h, w, c] = image(a)?;
-    need(b > 0 && c.is_multiple_of(b * b), || format!("{c} channels into blocks of {b}"))?;
+    need(b > 0 && c.is_multiple_of(b * b), || {
+        format!("{c} channels into blocks of {b}")
+    })?;
     Ok(vec![1, h * b, w * b, c / (b * b)])
 }
 
 fn reshape(a: &[usize], s: &[usize]) -> Result<Vec<usize>, String> {
-    need(count(a).is_some_and(|n| count(s) == Some(n)), || format!("{a:?} into {s:?}"))?;
+    need(count(a).is_some_and(|n| count(s) == Some(n)), || {
+        format!("{a:?} into {s:?}")
+    })?;
     Ok(s.to_vec())
 }
 
@@ -138,17 +163,22 @@ fn concat(args: &[&[usize]], axis: usize) -> Result<Vec<usize>, String> {
     need(axis < out.len(), || format!("axis {axis} of {out:?}"))?;
     for a in &args[1..] {
         let fits = a.len() == out.len() && (0..a.len()).all(|i| i == axis || a[i] == out[i]);
-        need(fits, || format!("{a:?} joined to {out:?} along axis {axis}"))?;
+        need(fits, || {
+            format!("{a:?} joined to {out:?} along axis {axis}")
+        })?;
         out[axis] += a[axis];
     }
     Ok(out)
 }
 
 fn prelu(args: &[&[usize]]) -> Result<Vec<usize>, String> {
-    let [.., c] = *args[0] else { return Err("a scalar".into()) };
-    need(c > 0 && args[1].iter().product::<usize>() == c && args[1].last() == Some(&c), || {
-        format!("slopes {:?} for {:?}", args[1], args[0])
-    })?;
+    let [.., c] = *args[0] else {
+        return Err("a scalar".into());
+    };
+    need(
+        c > 0 && args[1].iter().product::<usize>() == c && args[1].last() == Some(&c),
+        || format!("slopes {:?} for {:?}", args[1], args[0]),
+    )?;
     Ok(args[0].to_vec())
 }
 
@@ -167,7 +197,10 @@ mod tests {
 
     #[test]
     fn arguments_that_do_not_fit_are_named() {
-        let w = Window { stride: [1, 1], padding: Padding::Same };
+        let w = Window {
+            stride: [1, 1],
+            padding: Padding::Same,
+        };
         let kind = Kind::Depthwise(w, crate::Activation::None);
         let err = infer(&kind, &[&[1, 4, 4, 3], &[1, 3, 3, 2], &[2]]);
         assert!(err.is_err_and(|e| e.contains("[1, 3, 3, 2]")));

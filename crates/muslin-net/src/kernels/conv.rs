@@ -27,7 +27,9 @@ impl Walk {
     /// The image row or column (`axis` 0 or 1) under step `i` of window `o`, if it is inside.
     #[inline(always)]
     pub(crate) fn source(&self, axis: usize, o: usize, i: usize) -> Option<usize> {
-        (o * self.stride[axis] + i).checked_sub(self.before[axis]).filter(|&s| s < self.image[axis])
+        (o * self.stride[axis] + i)
+            .checked_sub(self.before[axis])
+            .filter(|&s| s < self.image[axis])
     }
 }
 
@@ -76,8 +78,12 @@ pub(crate) mod tests {
 
     /// Walks that meet every edge: strides, uneven padding, one pixel, no padding.
     pub(crate) fn walks(c: usize) -> [Walk; 5] {
-        let walk = |hw: [usize; 2], out, size, stride, before| {
-            Walk { image: [hw[0], hw[1], c], out, size, stride, before }
+        let walk = |hw: [usize; 2], out, size, stride, before| Walk {
+            image: [hw[0], hw[1], c],
+            out,
+            size,
+            stride,
+            before,
         };
         [
             walk([5, 7], [5, 7], [3, 3], [1, 1], [1, 1]),
@@ -117,8 +123,16 @@ pub(crate) mod tests {
             let image = values(walk.image.iter().product(), 1);
             let (w, b) = (values(n * k, 2), values(n, 3));
             let mut out = vec![f32::NAN; walk.out[0] * walk.out[1] * n];
-            let finish = Finish { limits: [f32::NEG_INFINITY, f32::INFINITY], plus: None };
-            conv((&walk, &Packed::new(&w, &b)), &image, &mut vec![f32::NAN; 3], (finish, &mut out));
+            let finish = Finish {
+                limits: [f32::NEG_INFINITY, f32::INFINITY],
+                plus: None,
+            };
+            conv(
+                (&walk, &Packed::new(&w, &b)),
+                &image,
+                &mut vec![f32::NAN; 3],
+                (finish, &mut out),
+            );
             assert_close(&out, &naive(&walk, &image, &w, &b), 1e-5);
         }
     }

@@ -30,7 +30,12 @@ pub(crate) fn prelu(x: &[f32], slopes: &[f32], out: &mut [f32]) {
 /// An image `[h, w, c]` inside zeros: `before[i]` of them ahead of rows, columns, channels.
 ///
 /// `shape` and `padded` are the three sizes without and with the zeros.
-pub(crate) fn pad(x: &[f32], shape: [usize; 3], (before, padded): ([usize; 3], [usize; 3]), out: &mut [f32]) {
+pub(crate) fn pad(
+    x: &[f32],
+    shape: [usize; 3],
+    (before, padded): ([usize; 3], [usize; 3]),
+    out: &mut [f32],
+) {
     out.fill(0.0);
     let [_, w, c] = shape;
     for (i, pixel) in x.chunks_exact(c).enumerate() {
@@ -49,7 +54,9 @@ pub(crate) fn max_pool(walk: &Walk, image: &[f32], out: &mut [f32]) {
         for y in (0..walk.size[0]).filter_map(|k| walk.source(0, oy, k)) {
             for x in (0..walk.size[1]).filter_map(|k| walk.source(1, ox, k)) {
                 let pixel = &image[(y * width + x) * c..][..c];
-                out.iter_mut().zip(pixel).for_each(|(o, &p)| *o = if p > *o { p } else { *o });
+                out.iter_mut()
+                    .zip(pixel)
+                    .for_each(|(o, &p)| *o = if p > *o { p } else { *o });
             }
         }
     }
@@ -95,10 +102,18 @@ pub(crate) fn between(n: usize, out: usize, align: bool, half_pixel: bool) -> Ve
         false => n as f32 / out as f32,
     };
     let one = |i: usize| {
-        let at = if half_pixel { (i as f32 + 0.5) * scale - 0.5 } else { i as f32 * scale };
+        let at = if half_pixel {
+            (i as f32 + 0.5) * scale - 0.5
+        } else {
+            i as f32 * scale
+        };
         let at = at.clamp(0.0, (n - 1) as f32);
         let low = at as usize;
-        Between { low, high: (low + 1).min(n - 1), share: at - low as f32 }
+        Between {
+            low,
+            high: (low + 1).min(n - 1),
+            share: at - low as f32,
+        }
     };
     (0..out).map(one).collect()
 }
@@ -134,7 +149,12 @@ mod tests {
     #[test]
     fn value_by_value_kinds_do_what_their_names_say() {
         let mut out = [0.0; 4];
-        add(&[1.0, -3.0, 5.0, 0.0], &[1.0, 1.0, 2.0, 0.5], [0.0, 6.0], &mut out);
+        add(
+            &[1.0, -3.0, 5.0, 0.0],
+            &[1.0, 1.0, 2.0, 0.5],
+            [0.0, 6.0],
+            &mut out,
+        );
         assert_eq!(out, [2.0, 0.0, 6.0, 0.5]);
         logistic(&[0.0, 1.0, -1.0, 100.0], &mut out);
         assert_close(&out, &[0.5, 0.731_058_6, 0.268_941_43, 1.0], 1e-6);
@@ -197,6 +217,10 @@ mod tests {
         };
         assert_close(&to(5, true, false), &[0.0, 0.5, 1.0, 2.5, 4.0], 1e-6);
         assert_close(&to(6, false, false), &[0.0, 0.5, 1.0, 2.5, 4.0, 4.0], 1e-6);
-        assert_close(&to(6, false, true), &[0.0, 0.25, 0.75, 1.75, 3.25, 4.0], 1e-6);
+        assert_close(
+            &to(6, false, true),
+            &[0.0, 0.25, 0.75, 1.75, 3.25, 4.0],
+            1e-6,
+        );
     }
 }
