@@ -41,7 +41,9 @@ pub fn read_file(path: &Path, cap: u64) -> Result<Input, IoError> {
     }
     if bytes.is_empty() {
         let fault = Fault::new("empty-file", file, "the file is empty").at(Place::Byte(0));
-        return Err(fault.hint("copy it again from where it came from").invalid());
+        return Err(fault
+            .hint("copy it again from where it came from")
+            .invalid());
     }
     Ok(Input { file, bytes })
 }
@@ -54,9 +56,15 @@ fn regular(file: &str, meta: &fs::Metadata, cap: u64) -> Result<(), IoError> {
     }
     if !meta.is_file() {
         let fault = Fault::new("not-a-file", file, "this is a pipe, socket or device");
-        return Err(fault.hint("save the data to a file first and name that").refused());
+        return Err(fault
+            .hint("save the data to a file first and name that")
+            .refused());
     }
-    if meta.len() > cap { Err(too_large(file, meta.len(), cap)) } else { Ok(()) }
+    if meta.len() > cap {
+        Err(too_large(file, meta.len(), cap))
+    } else {
+        Ok(())
+    }
 }
 
 fn too_large(file: &str, found: u64, cap: u64) -> IoError {
@@ -93,7 +101,9 @@ mod tests {
     #[test]
     fn a_byte_over_the_cap_is_refused() {
         let folder = Folder::new("input-cap");
-        let err = read_file(&folder.put("a", b"abcd"), 3).err().expect("four bytes are not");
+        let err = read_file(&folder.put("a", b"abcd"), 3)
+            .err()
+            .expect("four bytes are not");
         assert_eq!((err.code(), err.exit_code()), ("file-large", 4));
     }
 
@@ -110,7 +120,9 @@ mod tests {
             (Path::new("/dev/zero"), "not-a-file", 4),
         ];
         for (path, code, exit) in cases {
-            let err = read_file(path, 10).err().expect("none of these is a file to read");
+            let err = read_file(path, 10)
+                .err()
+                .expect("none of these is a file to read");
             assert_eq!((err.code(), err.exit_code()), (code, exit), "{err}");
             assert!(!err.hint().is_empty() && err.to_string().contains(&error::name(path)));
         }
@@ -122,6 +134,12 @@ mod tests {
         let folder = Folder::new("input-loop");
         let link = folder.path().join("loop");
         std::os::unix::fs::symlink(&link, &link).expect("links can be made here");
-        assert_eq!(read_file(&link, 10).err().expect("a loop has no end").exit_code(), 5);
+        assert_eq!(
+            read_file(&link, 10)
+                .err()
+                .expect("a loop has no end")
+                .exit_code(),
+            5
+        );
     }
 }

@@ -1,19 +1,35 @@
 //! The only room that knows file formats and opens files.
 //!
 //! Readers take bytes and a name for messages, check limits before they allocate, and return
-//! values that are whole. Writers build bytes in memory; `Output` puts them on disk so that
+//! values that are whole. Writers build bytes in memory; [`Output`] puts them on disk so that
 //! nobody ever sees half a file.
 
 mod error;
+mod glb;
 mod input;
+mod obj;
+mod output;
 mod photo;
+mod picture;
+mod pose_models;
+mod report;
+mod scene;
 mod sha256;
 mod sniff;
+mod tflite;
 #[cfg(test)]
 mod testing;
 
 pub use error::{Fault, IoError, Place, name, quote};
+pub use glb::{GlbOptions, glb, stored_positions};
 pub use input::{Input, read_file};
+pub use obj::obj;
+pub use output::{Output, Written, write_file};
 pub use photo::{Photo, PhotoLimits, decode_photo, flatten, read_photo};
+pub use picture::{animated_png, png};
+pub use pose_models::{PoseGraphs, pose_graphs};
+pub use report::report_json;
+pub use scene::{Maps, Material, Node, Scene, Sheen};
 pub use sha256::sha256;
 pub use sniff::{Kind, sniff};
+pub use tflite::{TfliteError, read_tflite};

@@ -37,7 +37,11 @@ pub struct PhotoLimits {
 impl Default for PhotoLimits {
     /// 20 MiB, 40 million pixels, 16,384 pixels a side: above any phone's photo.
     fn default() -> Self {
-        Self { bytes: 20 << 20, pixels: 40_000_000, side: 16_384 }
+        Self {
+            bytes: 20 << 20,
+            pixels: 40_000_000,
+            side: 16_384,
+        }
     }
 }
 
@@ -56,7 +60,11 @@ pub struct Photo {
 pub fn read_photo(path: &Path, limits: &PhotoLimits) -> Result<Photo, IoError> {
     let input = read_file(path, limits.bytes)?;
     let image = decode_photo(&input, limits)?;
-    Ok(Photo { sha256: input.sha256(), file: input.file, image })
+    Ok(Photo {
+        sha256: input.sha256(),
+        file: input.file,
+        image,
+    })
 }
 
 /// Decodes a photo: upright by its EXIF orientation, 8-bit sRGB with straight alpha.
@@ -76,7 +84,11 @@ pub fn decode_photo(input: &Input, limits: &PhotoLimits) -> Result<Image, IoErro
     let cursor = Cursor::new(bytes);
     match sniff(bytes) {
         Kind::Jpeg => decode(file, JpegDecoder::new(cursor), limits),
-        Kind::Png => decode(file, PngDecoder::with_limits(cursor, budget(limits)), limits),
+        Kind::Png => decode(
+            file,
+            PngDecoder::with_limits(cursor, budget(limits)),
+            limits,
+        ),
         _ => decode(file, WebPDecoder::new(cursor), limits),
     }
 }
@@ -90,26 +102,46 @@ pub fn flatten(image: &Image, background: [u8; 3]) -> Image {
             let sum = u32::from(c) * u32::from(a) + u32::from(back) * (255 - u32::from(a));
             ((sum + 127) / 255) as u8
         };
-        [mix(r, background[0]), mix(g, background[1]), mix(b, background[2]), 255]
+        [
+            mix(r, background[0]),
+            mix(g, background[1]),
+            mix(b, background[2]),
+            255,
+        ]
     };
-    Image { pixels: image.pixels.iter().map(over).collect(), ..*image }
+    Image {
+        pixels: image.pixels.iter().map(over).collect(),
+        ..*image
+    }
 }
 
 /// Checks a size [pixels] against the limits.
 fn within(file: &str, [width, height]: [u32; 2], limits: &PhotoLimits) -> Result<(), IoError> {
     if width == 0 || height == 0 {
         let fault = Fault::new("photo-damaged", file, "the picture has no pixels");
-        return Err(fault.found(format!("{width} x {height}")).hint(COPY).invalid());
+        return Err(fault
+            .found(format!("{width} x {height}"))
+            .hint(COPY)
+            .invalid());
     }
     let pixels = u64::from(width) * u64::from(height);
     if pixels <= limits.pixels && width.max(height) <= limits.side {
         return Ok(());
     }
-    Err(Fault::new("photo-large", file, "the picture has too many pixels")
-        .found(format!("{width} x {height}, {:.1} million", pixels as f64 / 1e6))
-        .allowed(format!("{:.0} million, {} a side", limits.pixels as f64 / 1e6, limits.side))
-        .hint("scale it down; 2000 pixels along the longer side are plenty")
-        .refused())
+    Err(
+        Fault::new("photo-large", file, "the picture has too many pixels")
+            .found(format!(
+                "{width} x {height}, {:.1} million",
+                pixels as f64 / 1e6
+            ))
+            .allowed(format!(
+                "{:.0} million, {} a side",
+                limits.pixels as f64 / 1e6,
+                limits.side
+            ))
+            .hint("scale it down; 2000 pixels along the longer side are plenty")
+            .refused(),
+    )
 }
 
 /// What a decoder may allocate: eight bytes a pixel and something for its tables.
@@ -136,15 +168,21 @@ fn decode(
     picture.apply_orientation(orientation);
     let rgba = picture.into_rgba8();
     let (width, height) = (rgba.width() as usize, rgba.height() as usize);
-    Ok(Image { width, height, pixels: rgba.as_chunks::<4>().0.to_vec() })
+    Ok(Image {
+        width,
+        height,
+        pixels: rgba.as_chunks::<4>().0.to_vec(),
+    })
 }
 
 fn damaged(file: &str, err: &ImageError) -> IoError {
     match err {
-        ImageError::Limits(_) => Fault::new("photo-large", file, "the picture needs too much memory")
-            .found(err)
-            .hint("scale it down; 2000 pixels along the longer side are plenty")
-            .refused(),
+        ImageError::Limits(_) => {
+            Fault::new("photo-large", file, "the picture needs too much memory")
+                .found(err)
+                .hint("scale it down; 2000 pixels along the longer side are plenty")
+                .refused()
+        }
         ImageError::Unsupported(_) => Fault::new("photo-kind", file, "a picture of a rare kind")
             .found(err)
             .hint("open it in a picture editor and save it as JPEG or PNG")

@@ -30,7 +30,8 @@ pub fn sha256(bytes: &[u8]) -> String {
     last.push(0x80);
     last.resize(if last.len() > 56 { 120 } else { 56 }, 0);
     last.extend_from_slice(&(bytes.len() as u64 * 8).to_be_bytes());
-    last.chunks_exact(64).for_each(|block| absorb(&mut state, block));
+    last.chunks_exact(64)
+        .for_each(|block| absorb(&mut state, block));
     state.iter().map(|word| format!("{word:08x}")).collect()
 }
 
@@ -44,13 +45,18 @@ fn absorb(state: &mut [u32; 8], block: &[u8]) {
         let (a, b) = (w[i - 15], w[i - 2]);
         let s0 = a.rotate_right(7) ^ a.rotate_right(18) ^ (a >> 3);
         let s1 = b.rotate_right(17) ^ b.rotate_right(19) ^ (b >> 10);
-        w[i] = w[i - 16].wrapping_add(s0).wrapping_add(w[i - 7]).wrapping_add(s1);
+        w[i] = w[i - 16]
+            .wrapping_add(s0)
+            .wrapping_add(w[i - 7])
+            .wrapping_add(s1);
     }
     let [mut a, mut b, mut c, mut d, mut e, mut f, mut g, mut h] = *state;
     for i in 0..64 {
         let s1 = e.rotate_right(6) ^ e.rotate_right(11) ^ e.rotate_right(25);
         let choice = (e & f) ^ (!e & g);
-        let t1 = [s1, choice, K[i], w[i]].into_iter().fold(h, u32::wrapping_add);
+        let t1 = [s1, choice, K[i], w[i]]
+            .into_iter()
+            .fold(h, u32::wrapping_add);
         let s0 = a.rotate_right(2) ^ a.rotate_right(13) ^ a.rotate_right(22);
         let majority = (a & b) ^ (a & c) ^ (b & c);
         let t2 = s0.wrapping_add(majority);
@@ -69,8 +75,14 @@ mod tests {
     #[test]
     fn the_published_vectors_come_out() {
         let cases: [(&[u8], &str); 4] = [
-            (b"", "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"),
-            (b"abc", "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"),
+            (
+                b"",
+                "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855",
+            ),
+            (
+                b"abc",
+                "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad",
+            ),
             (
                 b"abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq",
                 "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1",

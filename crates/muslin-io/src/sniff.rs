@@ -97,7 +97,11 @@ fn text(bytes: &[u8]) -> Kind {
     }
     let plain = |c: char| !c.is_control() && c != '\u{fffd}' || c.is_whitespace();
     let is_text = !head.is_empty() && head.chars().all(plain);
-    if is_text { Kind::Other("text") } else { Kind::Unknown }
+    if is_text {
+        Kind::Other("text")
+    } else {
+        Kind::Unknown
+    }
 }
 
 #[cfg(test)]
@@ -110,7 +114,10 @@ mod tests {
             (b"\0\0\0\x18ftypheic", Kind::Other("a HEIC picture")),
             (b"\0\0\0\x18ftypavif", Kind::Other("an AVIF picture")),
             (b"\0\0\0\x18ftypisom", Kind::Other("a video")),
-            (b"<?xml version='1.0'?><svg/>", Kind::Other("an SVG drawing")),
+            (
+                b"<?xml version='1.0'?><svg/>",
+                Kind::Other("an SVG drawing"),
+            ),
             (b"\n<!DOCTYPE HTML><p>", Kind::Other("a web page")),
             (b"GIF89a", Kind::Other("a GIF picture")),
             (b"%PDF-1.7", Kind::Other("a PDF document")),

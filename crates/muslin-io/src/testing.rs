@@ -1,4 +1,4 @@
-//! What the tests of this crate share: folders that vanish and data that may be absent.
+//! What the tests of this crate share: folders that vanish.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -40,13 +40,4 @@ impl Drop for Folder {
     fn drop(&mut self) {
         let _ = fs::remove_dir_all(&self.0);
     }
-}
-
-/// The shared test data, if this machine has it; says so if not.
-pub fn data(below: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("MUSLIN_DATA");
-    if root.is_none() {
-        println!("skipped: needs MUSLIN_DATA");
-    }
-    Some(PathBuf::from(root?).join(below))
 }

@@ -39,7 +39,11 @@ fn chunk<'a>(file: &str, bytes: &'a [u8], at: usize) -> Result<([u8; 4], &'a [u8
     sum.update(&bytes[at + 4..end]);
     if is_needed && sum.sum() != stored {
         let name: String = kind.iter().map(|&b| char::from(b)).collect();
-        return Err(damaged(file, at, &format!("chunk {name} with a wrong check sum")));
+        return Err(damaged(
+            file,
+            at,
+            &format!("chunk {name} with a wrong check sum"),
+        ));
     }
     Ok((kind, body))
 }

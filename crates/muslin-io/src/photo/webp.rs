@@ -12,11 +12,16 @@ use crate::error::IoError;
 pub fn size(file: &str, bytes: &[u8]) -> Result<[u32; 2], IoError> {
     let ends = || cut(file, bytes.len(), "its last chunk is not whole");
     let declared = length(bytes, 4).ok_or_else(ends)?;
-    let riff = bytes.get(8..declared.checked_add(8).ok_or_else(ends)?).ok_or_else(ends)?;
+    let riff = bytes
+        .get(8..declared.checked_add(8).ok_or_else(ends)?)
+        .ok_or_else(ends)?;
     let mut at = 4;
     while at < riff.len() {
         let body = length(riff, at + 4).ok_or_else(ends)?;
-        at = body.checked_add(at + 8).filter(|&end| end <= riff.len()).ok_or_else(ends)?;
+        at = body
+            .checked_add(at + 8)
+            .filter(|&end| end <= riff.len())
+            .ok_or_else(ends)?;
         at += body % 2;
     }
     let decoder = WebPDecoder::new(Cursor::new(bytes)).map_err(|e| damaged(file, &e))?;
