@@ -1,1 +1,22 @@
 //! From a photo or keypoints to a posed, measured body.
+
+mod camera;
+mod descend;
+pub mod detect;
+mod doubts;
+mod error;
+mod evidence;
+mod figure;
+mod fold;
+mod guess;
+mod joint;
+mod place;
+mod problem;
+pub mod solve;
+mod start;
+mod system;
+#[cfg(test)]
+mod trial;
+
+pub use camera::Camera;
+pub use error::FitError;

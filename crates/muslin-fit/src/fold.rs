@@ -1,0 +1,248 @@
+//! The body as the solver sees it: a few joints and a few dozen markers.
+//!
+//! A marker is a weighted mean of skinned vertices. Weights, skin weights and shape modes are
+//! all linear, so they fold into one vector for each pair of marker and joint:
+//!
+//! `x_k = Σ_b R_b (A_kb − c_kb h_b) + c_kb p_b`, `A_kb = Σ_v r_kv w_vb v`, `c_kb = Σ_v r_kv w_vb`
+//!
+//! with the joint's rotation `R_b`, its head `h_b` at rest and `p_b` now. Exact, and it never
+//! touches the mesh: bones that the solver holds still move with the joint they hang from.
+
+use crate::FitError;
+use glam::DVec3;
+use muslin_body::{Avatar, Blend, REGRESSED, Shape};
+use std::collections::BTreeMap;
+
+/// The bones that the solver turns, each with the joint group whose rotation it has.
+///
+/// Bones of one group share one rotation, so a trunk bends evenly.
+const BONES: [(&str, &str); 10] = [
+    ("root", "root"),
+    ("spine05", "waist"),
+    ("spine04", "waist"),
+    ("spine03", "chest"),
+    ("spine02", "chest"),
+    ("spine01", "chest"),
+    ("neck01", "neck"),
+    ("neck02", "neck"),
+    ("neck03", "neck"),
+    ("head", "head"),
+];
+
+/// The same for the bones that have a left and a right.
+const PAIRED: [(&str, &str); 8] = [
+    ("clavicle", "collar"),
+    ("shoulder01", "collar"),
+    ("upperarm01", "shoulder"),
+    ("lowerarm01", "elbow"),
+    ("wrist", "wrist"),
+    ("upperleg01", "hip"),
+    ("lowerleg01", "knee"),
+    ("foot", "ankle"),
+];
+
+/// Markers at the heads of bones: knuckles of thumb, index and little finger.
+pub const KNUCKLES: [&str; 6] =
+    ["finger5-1.L", "finger5-1.R", "finger2-1.L", "finger2-1.R", "finger1-2.L", "finger1-2.R"];
+
+/// How many markers there are: the regressed points, then the knuckles.
+pub const N_MARKERS: usize = REGRESSED.len() + KNUCKLES.len();
+
+/// A bone that the solver turns.
+#[derive(Debug, Clone)]
+pub struct Joint {
+    /// Index in the avatar's rig.
+    pub bone: usize,
+    /// Joint that this one hangs from.
+    pub parent: Option<usize>,
+    /// Whose rotation it has.
+    pub group: usize,
+}
+
+/// The share of one marker that one joint carries.
+#[derive(Debug, Clone, Copy)]
+pub struct Share {
+    /// Which joint.
+    pub joint: usize,
+    /// `c_kb`.
+    pub weight: f64,
+}
+
+/// Folded body: topology, and where its features are for any shape.
+///
+/// A feature is a point or weighted sum of points of the rest pose. First the heads of the
+/// joints, then one sum `A_kb` for each share, then crown and sole.
+#[derive(Debug, Clone)]
+pub struct Folded {
+    /// Parents come before children.
+    pub joints: Vec<Joint>,
+    /// Names of the joint groups; the first is `root`.
+    pub groups: Vec<String>,
+    /// Shares of all markers, one marker after the other.
+    pub shares: Vec<Share>,
+    /// Where the shares of each marker begin; one more than there are markers.
+    pub starts: Vec<usize>,
+    blend: Blend,
+    mean: Vec<DVec3>,
+    modes: Vec<DVec3>,
+    points: Vec<Vec<(u32, f64)>>,
+}
+
+impl Folded {
+    /// Folds the avatar. Some milliseconds; keep it.
+    pub fn new(avatar: &Avatar) -> Result<Folded, FitError> {
+        let (joints, groups) = joints(avatar)?;
+        let owner = owners(avatar, &joints);
+        let mut points: Vec<Vec<(u32, f64)>> =
+            joints.iter().map(|j| vec![(avatar.head_point(j.bone) as u32, 1.0)]).collect();
+        let (mut shares, mut starts) = (Vec::new(), vec![0]);
+        for marker in markers(avatar, &owner)? {
+            for (joint, sum) in marker {
+                shares.push(Share { joint, weight: sum.iter().map(|s| s.1).sum() });
+                points.push(sum);
+            }
+            starts.push(shares.len());
+        }
+        points.extend(crown_and_sole(avatar).map(|p| vec![(p, 1.0)]));
+        let sum = |f: &[(u32, f64)], at: &dyn Fn(usize) -> DVec3| {
+            f.iter().map(|&(p, w)| at(p as usize) * w).sum::<DVec3>()
+        };
+        let mean = points.iter().map(|f| sum(f, &|p| avatar.mean()[p])).collect();
+        let mut modes = Vec::with_capacity(avatar.n_modes() * points.len());
+        for m in 0..avatar.n_modes() {
+            let mode = avatar.mode(m);
+            modes.extend(points.iter().map(|f| sum(f, &|p| lift(mode[p]))));
+        }
+        let blend = avatar.blend().clone();
+        Ok(Folded { joints, groups, shares, starts, blend, mean, modes, points })
+    }
+
+    /// How many features there are.
+    pub fn n_features(&self) -> usize {
+        self.mean.len()
+    }
+
+    /// The group called `name`.
+    pub fn group(&self, name: &str) -> Option<usize> {
+        self.groups.iter().position(|g| g == name)
+    }
+
+    /// All features of `shape` [m].
+    pub fn features(&self, avatar: &Avatar, shape: &Shape) -> Result<Vec<DVec3>, FitError> {
+        let mut features = self.mean.clone();
+        let weights = self.blend.weights(&shape.phenotypes);
+        for (mode, w) in self.modes.chunks(self.n_features()).zip(weights) {
+            features.iter_mut().zip(mode).for_each(|(f, m)| *f += w * *m);
+        }
+        for (name, value) in &shape.locals {
+            let [up, down] = self.slider(avatar, name)?;
+            let (side, amount) = if *value < 0.0 { (down, -value) } else { (up, *value) };
+            features.iter_mut().zip(side).for_each(|(f, d)| *f += amount * d);
+        }
+        Ok(features)
+    }
+
+    /// `∂features/∂phenotype` for each phenotype in `which`.
+    pub fn slopes(&self, shape: &Shape, which: &[usize]) -> Vec<Vec<DVec3>> {
+        let mut slopes = vec![vec![DVec3::ZERO; self.n_features()]; which.len()];
+        let by_mode = self.blend.slopes(&shape.phenotypes);
+        for (mode, row) in self.modes.chunks(self.n_features()).zip(by_mode) {
+            for (slope, &k) in slopes.iter_mut().zip(which) {
+                slope.iter_mut().zip(mode).for_each(|(s, m)| *s += row[k] * *m);
+            }
+        }
+        slopes
+    }
+
+    /// How features move when the slider called `name` goes up by one, and down by one.
+    pub fn slider(&self, avatar: &Avatar, name: &str) -> Result<[Vec<DVec3>; 2], FitError> {
+        let (target, sense) = avatar.target(name)?;
+        let moved = |list: &[(u32, [f32; 3])]| -> Vec<DVec3> {
+            let at = |p: u32| list.binary_search_by_key(&p, |d| d.0).map(|i| lift(list[i].1));
+            let sum = |f: &Vec<(u32, f64)>| f.iter().map(|&(p, w)| w * at(p).unwrap_or_default()).sum();
+            self.points.iter().map(sum).collect()
+        };
+        let sides = [moved(&target.up), moved(&target.down)];
+        let [up, down] = sides;
+        Ok(if sense < 0.0 { [down, up] } else { [up, down] })
+    }
+}
+
+fn lift(d: [f32; 3]) -> DVec3 {
+    DVec3::from(d.map(f64::from))
+}
+
+/// The joints in the rig's order, and the names of their groups.
+fn joints(avatar: &Avatar) -> Result<(Vec<Joint>, Vec<String>), FitError> {
+    let mut named: Vec<(usize, String)> = Vec::new();
+    for (bone, group) in BONES {
+        named.push((avatar.bone(bone)?, group.to_string()));
+    }
+    for side in ["L", "R"] {
+        for (bone, group) in PAIRED {
+            named.push((avatar.bone(&format!("{bone}.{side}"))?, format!("{group}.{side}")));
+        }
+    }
+    named.sort();
+    let mut groups: Vec<String> = Vec::new();
+    let mut joints: Vec<Joint> = Vec::new();
+    for (bone, name) in named {
+        let group = groups.iter().position(|g| *g == name).unwrap_or(groups.len());
+        if group == groups.len() {
+            groups.push(name);
+        }
+        let parent = nearest(avatar, avatar.rig().bones[bone].parent, &joints);
+        joints.push(Joint { bone, parent, group });
+    }
+    Ok((joints, groups))
+}
+
+/// The joint at `bone` or at its nearest ancestor that is a joint.
+fn nearest(avatar: &Avatar, mut bone: Option<usize>, joints: &[Joint]) -> Option<usize> {
+    while let Some(b) = bone {
+        if let Some(j) = joints.iter().position(|j| j.bone == b) {
+            return Some(j);
+        }
+        bone = avatar.rig().bones[b].parent;
+    }
+    None
+}
+
+/// The joint that carries each bone of the rig.
+fn owners(avatar: &Avatar, joints: &[Joint]) -> Vec<usize> {
+    let bones = 0..avatar.rig().n_bones();
+    bones.map(|b| nearest(avatar, Some(b), joints).unwrap_or(0)).collect()
+}
+
+/// Per joint the weighted vertices of a marker.
+type Sums = BTreeMap<usize, Vec<(u32, f64)>>;
+
+/// The shares of every marker.
+fn markers(avatar: &Avatar, owner: &[usize]) -> Result<Vec<Sums>, FitError> {
+    let mut markers = Vec::new();
+    for row in avatar.regressors().rows() {
+        let mut sums = Sums::new();
+        for &(v, r) in row {
+            for &(b, w) in avatar.rig().weights.row(v as usize) {
+                sums.entry(owner[b as usize]).or_default().push((v, r * w));
+            }
+        }
+        markers.push(sums);
+    }
+    for name in KNUCKLES {
+        let bone = avatar.bone(name)?;
+        let point = (avatar.head_point(bone) as u32, 1.0);
+        markers.push(Sums::from([(owner[bone], vec![point])]));
+    }
+    Ok(markers)
+}
+
+/// The highest and the lowest point of the mean body.
+fn crown_and_sole(avatar: &Avatar) -> [u32; 2] {
+    let skin = avatar.part(muslin_body::Part::Body);
+    let y = |v: &u32| avatar.mean()[*v as usize].y;
+    let skin = || (skin.start as u32..skin.end as u32).collect::<Vec<_>>().into_iter();
+    let crown = skin().max_by(|a, b| y(a).total_cmp(&y(b)));
+    let sole = skin().min_by(|a, b| y(a).total_cmp(&y(b)));
+    [crown.unwrap_or(0), sole.unwrap_or(0)]
+}

@@ -1,0 +1,282 @@
+//! The fit: from keypoints to a shape, a pose and a camera.
+
+use crate::FitError;
+use crate::camera::Camera;
+use crate::descend::{Descent, Patience, descend};
+use crate::evidence::Evidence;
+use crate::figure::Shapes;
+use crate::fold::{Folded, N_MARKERS};
+use crate::guess::{Guess, view};
+use crate::joint::Habit;
+use crate::problem::{Problem, Trust};
+use crate::start::Start;
+use crate::{doubts, place};
+use glam::DVec3;
+use muslin_body::{Avatar, BodyError, Keypoints, Pose, Shape};
+
+/// What is known about the person beside the picture.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FitOptions {
+    /// Crown to sole [m]; the fitted body has exactly this height.
+    pub height_m: Option<f64>,
+    /// Mass [kg]; the fitted body's volume agrees with it.
+    pub weight_kg: Option<f64>,
+    /// Who to expect: gender, age and whatever else is known.
+    pub shape: Shape,
+    /// Focal length [px], if known; else it is fitted around 1.2 times the longer side.
+    pub focal_px: Option<f64>,
+}
+
+/// A body over a person in a picture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// Who.
+    pub shape: Shape,
+    /// How they stand: over the origin, feet on y = 0, facing +z.
+    pub pose: Pose,
+    /// Who looks.
+    pub camera: Camera,
+    /// Mean distance of seen points (score at least a half) from the body's own [px].
+    pub reprojection_px: f64,
+    /// Lowest score among the points that were used.
+    pub lowest_score: f64,
+    /// How many points were used.
+    pub n_points: usize,
+    /// What the points do not show, in words for a reader.
+    pub uncertain: Vec<String>,
+    /// Steps of the solver, over all starts.
+    pub iterations: usize,
+    /// Half the sum of squares at the end, in standard deviations.
+    pub cost: f64,
+}
+
+/// The fit's view of an avatar; make it once for many people.
+#[derive(Debug, Clone)]
+pub struct Fitter<'a> {
+    avatar: &'a Avatar,
+    folded: Folded,
+    habits: Vec<Option<Habit>>,
+}
+
+/// Fits one body; see [`Fitter::fit`].
+pub fn fit(avatar: &Avatar, keypoints: &Keypoints, options: &FitOptions) -> Result<Fit, FitError> {
+    Fitter::new(avatar)?.fit(keypoints, options)
+}
+
+/// Sliders that make limbs and trunk longer or shorter, with how far people stray.
+const LENGTHS: [(&str, f64); 7] = [
+    ("height", 0.5),
+    ("measure-upperarm-length", 0.35),
+    ("measure-shoulder-dist", 0.25),
+    ("measure-napetowaist-dist", 0.25),
+    ("measure-waisttohip-dist", 0.25),
+    ("measure-upperleg-height", 0.35),
+    ("measure-lowerleg-height", 0.35),
+];
+
+/// Points that a fit needs.
+const LEAST_POINTS: usize = 6;
+
+/// Focal length expected of an unknown camera, over the longer side of the picture, and the
+/// spread of its logarithm: from a telephone's main camera (0.75) to a short tele lens (2.4).
+const FOCAL: (f64, f64) = (1.2, 0.4);
+
+/// First tries are rough, the last one is not.
+const ROUGH: Patience = Patience { steps: 5, saving: 0.05 };
+const FINE: Patience = Patience { steps: 25, saving: 1e-3 };
+
+impl<'a> Fitter<'a> {
+    /// Prepares an avatar. Takes some milliseconds.
+    pub fn new(avatar: &'a Avatar) -> Result<Fitter<'a>, FitError> {
+        let folded = Folded::new(avatar)?;
+        let habits = habits(&folded, &folded.features(avatar, &Shape::default())?);
+        Ok(Fitter { avatar, folded, habits })
+    }
+
+    /// Fits shape, pose and camera to the keypoints of one person.
+    ///
+    /// Height and mass are met exactly, where given. Girth and the twist of straight limbs
+    /// are not in keypoints: they stay as expected and are listed as uncertain.
+    /// Fails with fewer than six usable points, or without both hips or both shoulders.
+    pub fn fit(&self, keypoints: &Keypoints, options: &FitOptions) -> Result<Fit, FitError> {
+        let mut evidence = Evidence::new(keypoints);
+        enough(&evidence)?;
+        let base = self.base(options)?;
+        let focal = options.focal_px.unwrap_or(FOCAL.0 * evidence.longest);
+        evidence.turn_from_ray(focal);
+        let trust = Trust {
+            pixel: 0.012,
+            world: [0.06, 0.09],
+            doubt: Some(3.0),
+            priors: true,
+            focal: (focal, if options.focal_px.is_some() { 1e-3 } else { FOCAL.1 }),
+            scale: 0.3,
+            height: Some(self.avatar.height_of(&base)?),
+        };
+        let descent = self.search(&evidence, trust, &base)?;
+        let shapes = self.shapes(&base, &LENGTHS)?;
+        let height = self.avatar.height_of(&base)?;
+        let mut shape = shapes.shape(&descent.guess.shape).with_height(self.avatar, height)?;
+        if let Some(kg) = options.weight_kg {
+            shape = of_mass(self.avatar, &shape, height, kg)?;
+        }
+        self.finish(&evidence, options, shape, descent)
+    }
+
+    #[cfg(test)]
+    pub(crate) fn folded(&self) -> &Folded {
+        &self.folded
+    }
+
+    #[cfg(test)]
+    pub(crate) fn habits(&self) -> &[Option<Habit>] {
+        &self.habits
+    }
+
+    /// The expected shape at the given height and mass.
+    fn base(&self, options: &FitOptions) -> Result<Shape, FitError> {
+        let shape = &options.shape;
+        Ok(match (options.height_m, options.weight_kg) {
+            (Some(m), Some(kg)) => of_mass(self.avatar, shape, m, kg)?,
+            (Some(m), None) => shape.with_height(self.avatar, m)?,
+            (None, Some(kg)) => of_mass(self.avatar, shape, self.avatar.height_of(shape)?, kg)?,
+            (None, None) => shape.clone(),
+        })
+    }
+
+    fn shapes(&self, base: &Shape, free: &[(&str, f64)]) -> Result<Shapes<'_>, FitError> {
+        Shapes::new(self.avatar, &self.folded, base, free)
+    }
+
+    fn problem<'p>(&'p self, evidence: &'p Evidence, shapes: Shapes<'p>, trust: Trust) -> Problem<'p> {
+        Problem { folded: &self.folded, shapes, evidence, habits: &self.habits, trust }
+    }
+
+    /// The best descent from all starts.
+    fn search(&self, evidence: &Evidence, trust: Trust, base: &Shape) -> Result<Descent, FitError> {
+        let rough = self.problem(evidence, self.shapes(base, &[])?, trust);
+        let fine = self.problem(evidence, self.shapes(base, &LENGTHS)?, trust);
+        let features = self.folded.features(self.avatar, base)?;
+        let start = Start {
+            folded: &self.folded,
+            features: &features,
+            evidence,
+            habits: &self.habits,
+            focal: trust.focal.0,
+            shape: Vec::new(),
+        };
+        let shown = if evidence.has_depth() { start.shown() } else { None };
+        let mut tries = Vec::new();
+        match shown {
+            Some(guess) => tries.push(Descent { guess, cost: 0.0, steps: 0 }),
+            None => {
+                for k in 0..8 {
+                    let yaw = k as f64 * std::f64::consts::FRAC_PI_4;
+                    tries.push(descend(&rough, start.turned(yaw), ROUGH)?);
+                }
+            }
+        }
+        let spent: usize = tries.iter().map(|t| t.steps).sum();
+        tries.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let mut best: Option<Descent> = None;
+        for mut tried in tries.into_iter().take(2) {
+            tried.guess.shape = fine.shapes.start();
+            let end = descend(&fine, tried.guess, FINE)?;
+            let steps = end.steps + best.as_ref().map_or(spent, |b| b.steps);
+            let old = best.take().filter(|b| b.cost <= end.cost);
+            best = Some(Descent { steps, ..old.unwrap_or(end) });
+        }
+        best.ok_or(FitError::TooFewPoints { found: evidence.seen.len(), need: LEAST_POINTS })
+    }
+
+    fn finish(
+        &self,
+        evidence: &Evidence,
+        options: &FitOptions,
+        shape: Shape,
+        end: Descent,
+    ) -> Result<Fit, FitError> {
+        let features = self.folded.features(self.avatar, &shape)?;
+        let markers = crate::guess::Placed::new(&self.folded, &features, &end.guess).markers;
+        let (pose, world_from_camera) = place::world(self.avatar, &self.folded, &features, &end.guess);
+        let camera = Camera { focal: end.guess.log_focal.exp(), centre: evidence.centre, world_from_camera };
+        let scores = evidence.seen.iter().map(|s| s.score);
+        Ok(Fit {
+            shape,
+            pose,
+            camera,
+            reprojection_px: reprojection(evidence, &end.guess, &markers),
+            lowest_score: scores.fold(1.0, f64::min),
+            n_points: evidence.seen.len(),
+            uncertain: doubts::list(evidence, options),
+            iterations: end.steps,
+            cost: end.cost,
+        })
+    }
+}
+
+/// `shape` at this height [m] and mass [kg].
+///
+/// At average muscle the body's weight ends reach only ± 10 %; less muscle reaches from half
+/// to twice the average, so it is given up step by step where needed.
+fn of_mass(avatar: &Avatar, shape: &Shape, height: f64, kg: f64) -> Result<Shape, FitError> {
+    let muscle = shape.get("muscle")?;
+    let mut last = shape.with_height_and_mass(avatar, height, kg);
+    for k in 1..=8 {
+        if !matches!(last, Err(BodyError::MassOutOfReach { .. })) {
+            break;
+        }
+        let weaker = shape.clone().with("muscle", muscle * (1.0 - f64::from(k) / 8.0))?;
+        last = weaker.with_height_and_mass(avatar, height, kg);
+    }
+    Ok(last?)
+}
+
+/// What each joint group likes, with the direction of its bone at rest.
+fn habits(folded: &Folded, features: &[DVec3]) -> Vec<Option<Habit>> {
+    let markers = crate::guess::Placed::new(
+        folded,
+        features,
+        &Guess {
+            root: features[0],
+            turns: vec![glam::DQuat::IDENTITY; folded.groups.len()],
+            log_focal: 0.0,
+            origin: DVec3::ZERO,
+            log_scale: 0.0,
+            shape: Vec::new(),
+        },
+    )
+    .markers;
+    let along = |group: usize| {
+        let first = folded.joints.iter().position(|j| j.group == group).unwrap_or(0);
+        let last = folded.joints.iter().rposition(|j| j.group == group).unwrap_or(0);
+        let child = folded.joints.iter().position(|j| j.parent == Some(last));
+        let end = match (folded.groups[group].split('.').next(), child) {
+            (Some("ankle"), _) => markers[17 + usize::from(folded.groups[group].ends_with('R'))],
+            (Some("wrist"), _) => markers[N_MARKERS - 4 + usize::from(folded.groups[group].ends_with('R'))],
+            (Some("waist" | "chest" | "neck" | "head"), _) => features[first] + DVec3::Y,
+            (_, Some(child)) => features[child],
+            _ => features[first] + DVec3::Y,
+        };
+        end - features[first]
+    };
+    folded.groups.iter().enumerate().map(|(g, name)| Habit::of(name, along(g))).collect()
+}
+
+fn enough(evidence: &Evidence) -> Result<(), FitError> {
+    let found = evidence.seen.len();
+    let pair = |m: [usize; 2]| m.iter().all(|&k| evidence.marker(k).is_some());
+    if found < LEAST_POINTS || !(pair([5, 6]) || pair([11, 12])) {
+        return Err(FitError::TooFewPoints { found, need: LEAST_POINTS });
+    }
+    Ok(())
+}
+
+/// Mean distance of the seen points from the markers [px].
+fn reprojection(evidence: &Evidence, guess: &Guess, markers: &[DVec3]) -> f64 {
+    let focal = guess.log_focal.exp();
+    let miss = |s: &&crate::evidence::Seen| view(markers[s.marker], focal).0.distance(s.pixel);
+    let clear: Vec<_> = evidence.seen.iter().filter(|s| s.score >= 0.5).collect();
+    let counted = if clear.is_empty() { evidence.seen.iter().collect() } else { clear };
+    counted.iter().map(miss).sum::<f64>() / counted.len().max(1) as f64
+}
