@@ -11,13 +11,28 @@ fn main() -> Result<(), BodyError> {
     let figure = avatar.figure(&shape)?;
     let pose = Pose::rest(&avatar);
     let posed = avatar.pose(&figure, &pose);
-    println!("vertices {}, modes {}, bones {}", avatar.n_verts(), avatar.n_modes(), avatar.rig().n_bones());
-    report("decode the embedded avatar", || drop(black_box(Avatar::embedded())));
+    println!(
+        "vertices {}, modes {}, bones {}",
+        avatar.n_verts(),
+        avatar.n_modes(),
+        avatar.rig().n_bones()
+    );
+    report("decode the embedded avatar", || {
+        drop(black_box(Avatar::embedded()))
+    });
     report("shape to figure", || drop(black_box(avatar.figure(&shape))));
-    report("pose the figure", || drop(black_box(avatar.pose(&figure, &pose))));
-    report("normals", || drop(black_box(posed.normals(avatar.body_faces()))));
-    report("solve height", || drop(black_box(shape.with_height(&avatar, 1.8))));
-    report("solve height and mass", || drop(black_box(shape.with_height_and_mass(&avatar, 1.8, 80.0))));
+    report("pose the figure", || {
+        drop(black_box(avatar.pose(&figure, &pose)))
+    });
+    report("normals", || {
+        drop(black_box(posed.normals(avatar.body_faces())))
+    });
+    report("solve height", || {
+        drop(black_box(shape.with_height(&avatar, 1.8)))
+    });
+    report("solve height and mass", || {
+        drop(black_box(shape.with_height_and_mass(&avatar, 1.8, 80.0)))
+    });
     report("measure", || {
         black_box(avatar.measure(&figure));
     });
@@ -34,7 +49,10 @@ fn report(what: &str, mut run: impl FnMut()) {
         })
         .collect();
     times.sort_by(f64::total_cmp);
-    println!("{what:<28} {:8.3} ms least, {:8.3} ms median", times[0], times[15]);
+    println!(
+        "{what:<28} {:8.3} ms least, {:8.3} ms median",
+        times[0], times[15]
+    );
 }
 
 /// The measures of a few people.
@@ -53,7 +71,16 @@ fn population(avatar: &Avatar) -> Result<(), BodyError> {
             let [a, b] = [&ends[0], &ends[1]];
             println!(
                 "  {name:<12} height {:.3}..{:.3}  mass {:.1}..{:.1}  chest {:.3}..{:.3}  waist {:.3}..{:.3}  hip {:.3}..{:.3}",
-                a.height, b.height, a.mass, b.mass, a.chest, b.chest, a.waist, b.waist, a.hip, b.hip
+                a.height,
+                b.height,
+                a.mass,
+                b.mass,
+                a.chest,
+                b.chest,
+                a.waist,
+                b.waist,
+                a.hip,
+                b.hip
             );
         }
     }

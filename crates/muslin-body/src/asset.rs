@@ -325,12 +325,11 @@ fn get_targets(r: &mut Reader, parts: &mut AvatarParts, mesh: &Mesh) -> Result<(
     if names.len() != opposites.len() {
         return Err(BodyError::Corrupt("sliders without ends"));
     }
+    let mut known = vec![[0; 3]; parts.mean.len()];
     for (name, opposite) in names.into_iter().zip(opposites) {
         let opposite = Some(opposite).filter(|o| !o.is_empty());
-        let (up, down) = (
-            mesh.get_some(r, TARGET_STEP)?,
-            mesh.get_some(r, TARGET_STEP)?,
-        );
+        let up = mesh.get_some(r, TARGET_STEP, &mut known)?;
+        let down = mesh.get_some(r, TARGET_STEP, &mut known)?;
         parts.targets.push(Target {
             name,
             opposite,

@@ -35,7 +35,7 @@ pub struct Measures {
 impl Avatar {
     /// The measures of `figure`.
     pub fn measure(&self, figure: &Figure) -> Measures {
-        let volume = self.volume(figure);
+        let (volume, torso) = (self.volume(figure), self.torso());
         let (crotch, sole) = (
             self.crotch(figure),
             lowest(&figure.verts[self.part(Part::Body)]),
@@ -44,9 +44,9 @@ impl Avatar {
             height: self.height(figure),
             volume,
             mass: volume * DENSITY,
-            chest: self.chest(figure),
+            chest: self.chest(figure, &torso),
             waist: self.waist(figure),
-            hip: self.hip(figure, crotch),
+            hip: self.hip(figure, &torso, crotch),
             inseam: crotch - sole,
             arm: self.arm(figure),
             shoulders: self
@@ -83,51 +83,51 @@ impl Avatar {
     }
 
     /// The fullest level of the torso between the shoulder blades and the lowest ribs.
-    fn chest(&self, figure: &Figure) -> f64 {
+    fn chest(&self, figure: &Figure, torso: &[[u32; 3]]) -> f64 {
         let (low, high) = (
             self.joint(figure, "spine03").y,
             self.joint(figure, "upperarm01.L").y,
         );
-        self.fullest(figure, low, low + 0.9 * (high - low))
+        fullest(figure, torso, low, low + 0.9 * (high - low))
     }
 
     /// The fullest level of the torso from the crotch up to the waist.
-    fn hip(&self, figure: &Figure, crotch: f64) -> f64 {
-        self.fullest(figure, crotch + 0.01, self.joint(figure, "spine04").y)
-    }
-
-    /// The longest tape around the torso over 24 levels between `low` and `high`.
-    fn fullest(&self, figure: &Figure, low: f64, high: f64) -> f64 {
-        let level = |k: usize| low + (high - low) * k as f64 / 23.0;
-        (0..24)
-            .map(|k| self.girth(figure, level(k)))
-            .fold(0.0, f64::max)
+    fn hip(&self, figure: &Figure, torso: &[[u32; 3]], crotch: f64) -> f64 {
+        fullest(
+            figure,
+            torso,
+            crotch + 0.01,
+            self.joint(figure, "spine04").y,
+        )
     }
 
     /// A tape pulled tight around the torso at height `y` [m]: the convex hull of the cut.
     ///
     /// Arms do not count. Zero where nothing is cut.
     pub fn girth(&self, figure: &Figure, y: f64) -> f64 {
-        let mut cut = Vec::new();
-        for f in self.collision_faces() {
-            if f.iter().all(|&i| self.is_torso(i)) {
-                cut_triangle(f.map(|i| figure.verts[i as usize]), y, &mut cut);
-            }
-        }
-        hull_length(cut)
+        girth(figure, &self.torso(), y)
     }
 
-    /// Moved mostly by the trunk or the thighs.
-    fn is_torso(&self, vertex: u32) -> bool {
+    /// Triangles of the trunk and the thighs.
+    fn torso(&self) -> Vec<[u32; 3]> {
+        let names = ["root", "spine", "pelvis", "breast", "upperleg", "clavicle"];
         let bones = &self.rig().bones;
-        let torso = ["root", "spine", "pelvis", "breast", "upperleg", "clavicle"];
-        let trunk = |b: u32| torso.iter().any(|t| bones[b as usize].name.starts_with(t));
-        let row = self.rig().weights.row(vertex as usize);
-        row.iter()
-            .filter(|&&(b, _)| trunk(b))
-            .map(|&(_, w)| w)
-            .sum::<f64>()
-            > 0.5
+        let trunk: Vec<bool> = bones
+            .iter()
+            .map(|b| names.iter().any(|t| b.name.starts_with(t)))
+            .collect();
+        let mostly = |&v: &u32| {
+            let row = self.rig().weights.row(v as usize).iter();
+            row.filter(|(b, _)| trunk[*b as usize])
+                .map(|(_, w)| w)
+                .sum::<f64>()
+                > 0.5
+        };
+        self.collision_faces()
+            .iter()
+            .filter(|f| f.iter().all(mostly))
+            .copied()
+            .collect()
     }
 
     /// The lowest skin between the legs [m above the origin].
@@ -154,6 +154,22 @@ impl Avatar {
             .map(|b| figure.joints[b])
             .unwrap_or_default()
     }
+}
+
+/// The longest tape around the torso over 24 levels between `low` and `high` [m].
+fn fullest(figure: &Figure, torso: &[[u32; 3]], low: f64, high: f64) -> f64 {
+    let level = |k: usize| low + (high - low) * k as f64 / 23.0;
+    (0..24)
+        .map(|k| girth(figure, torso, level(k)))
+        .fold(0.0, f64::max)
+}
+
+fn girth(figure: &Figure, torso: &[[u32; 3]], y: f64) -> f64 {
+    let mut cut = Vec::new();
+    for f in torso {
+        cut_triangle(f.map(|i| figure.verts[i as usize]), y, &mut cut);
+    }
+    hull_length(cut)
 }
 
 pub(crate) fn span(at: impl Iterator<Item = DVec3>) -> f64 {

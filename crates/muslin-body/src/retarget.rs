@@ -66,7 +66,10 @@ pub fn retarget_all(
     let actor = Actor::new(recording)?;
     let target = Target::new(avatar, figure)?;
     let poses = (0..recording.frames.len()).map(|f| target.pose(&actor, &actor.stance(f)));
-    Ok(Motion { fps: recording.fps, poses: poses.collect() })
+    Ok(Motion {
+        fps: recording.fps,
+        poses: poses.collect(),
+    })
 }
 
 /// Where the parts of a body are. Sides: left, right.
@@ -135,10 +138,18 @@ impl<'a> Actor<'a> {
         let skeleton = &recording.skeleton;
         let roles = Roles::find(skeleton)?;
         let z_up = stands_along_z(skeleton, &roles);
-        let mut actor = Actor { recording, roles, z_up, floor: 0.0, start: DVec3::ZERO };
+        let mut actor = Actor {
+            recording,
+            roles,
+            z_up,
+            floor: 0.0,
+            start: DVec3::ZERO,
+        };
         let step = 1 + recording.frames.len() / 200;
         let sampled = (0..recording.frames.len()).step_by(step);
-        let floor = sampled.map(|f| actor.stance(f).lowest_ankle()).fold(f64::INFINITY, f64::min);
+        let floor = sampled
+            .map(|f| actor.stance(f).lowest_ankle())
+            .fold(f64::INFINITY, f64::min);
         actor.floor = if floor.is_finite() { floor } else { 0.0 };
         actor.start = actor.stance(0).hips();
         Ok(actor)
@@ -169,7 +180,10 @@ fn world(skeleton: &Skeleton, frame: &Frame) -> Vec<[DVec3; 2]> {
             Some(p) => (points[p][0], turned[p]),
             None => (DVec3::ZERO, DQuat::IDENTITY),
         };
-        let (head, turn) = (base + turn * frame.translations[j], turn * frame.rotations[j]);
+        let (head, turn) = (
+            base + turn * frame.translations[j],
+            turn * frame.rotations[j],
+        );
         points.push([head, head + turn * skeleton.ends[j].unwrap_or(DVec3::ZERO)]);
         turned.push(turn);
     }
@@ -204,7 +218,14 @@ const THIGH: &[&str] = &["upperleg01", "upperleg", "upleg", "thigh", "hip"];
 const SHIN: &[&str] = &["lowerleg01", "lowerleg", "leg", "shin", "calf", "knee"];
 const FOOT: &[&str] = &["foot", "ankle"];
 const TOE: &[&str] = &["toe31", "toebase", "toes", "toe", "ball"];
-const UPPER_ARM: &[&str] = &["upperarm01", "upperarm", "arm", "shldr", "humerus", "shoulder"];
+const UPPER_ARM: &[&str] = &[
+    "upperarm01",
+    "upperarm",
+    "arm",
+    "shldr",
+    "humerus",
+    "shoulder",
+];
 const FOREARM: &[&str] = &["lowerarm01", "lowerarm", "forearm", "elbow"];
 const WRIST: &[&str] = &["wrist", "hand"];
 const NECK: &[&str] = &["neck01", "neck"];
@@ -229,14 +250,25 @@ impl Roles {
             Ok::<_, BodyError>([Spot::Head(upper), Spot::Head(fore), wrist])
         };
         let (leg, arm) = ([leg(0)?, leg(1)?], [arm(0)?, arm(1)?]);
-        let toe = |s: usize| find(Some(s), TOE).map(Spot::Head).or(tip(skeleton, leg[s][2]));
+        let toe = |s: usize| {
+            find(Some(s), TOE)
+                .map(Spot::Head)
+                .or(tip(skeleton, leg[s][2]))
+        };
         let hand = |s: usize| match arm[s][2] {
             Spot::Head(wrist) => tip(skeleton, wrist),
             Spot::End(_) => None,
         };
         let head = find(None, HEAD).map(Spot::Head);
         let (toe, hand) = ([toe(0), toe(1)], [hand(0), hand(1)]);
-        Ok(Roles { leg, toe, arm, hand, neck: find(None, NECK), head })
+        Ok(Roles {
+            leg,
+            toe,
+            arm,
+            hand,
+            neck: find(None, NECK),
+            head,
+        })
     }
 
     fn stance(&self, points: &[[DVec3; 2]]) -> Stance {
@@ -268,15 +300,23 @@ fn tip(skeleton: &Skeleton, j: usize) -> Option<Spot> {
 fn unknown(skeleton: &Skeleton, side: usize, wanted: &[&str]) -> BodyError {
     let some: Vec<&str> = skeleton.names.iter().take(6).map(String::as_str).collect();
     let side = ["left", "right"][side];
-    BodyError::UnknownSkeleton { missing: format!("{side} {}", wanted[1]), names: some.join(", ") }
+    BodyError::UnknownSkeleton {
+        missing: format!("{side} {}", wanted[1]),
+        names: some.join(", "),
+    }
 }
 
 /// Side (0 left, 1 right) and bare name of a joint: `Neo_LeftUpLeg` is (left, `upleg`).
 fn part(name: &str) -> (Option<usize>, String) {
     let name = name.rsplit(':').next().unwrap_or(name);
-    let name = ["Neo_", "joint_", "mixamorig_"].iter().fold(name, |n, p| n.strip_prefix(p).unwrap_or(n));
+    let name = ["Neo_", "joint_", "mixamorig_"]
+        .iter()
+        .fold(name, |n, p| n.strip_prefix(p).unwrap_or(n));
     let (side, rest) = side(name);
-    let bare = rest.chars().filter(|c| c.is_alphanumeric()).collect::<String>();
+    let bare = rest
+        .chars()
+        .filter(|c| c.is_alphanumeric())
+        .collect::<String>();
     (side, bare.to_lowercase())
 }
 
@@ -326,12 +366,28 @@ impl Bones {
         let arm = ["upperarm01", "lowerarm01", "wrist"];
         let leg = ["upperleg01", "lowerleg01", "foot"];
         let mut spine = [0; 5];
-        for (slot, name) in spine.iter_mut().zip(["spine05", "spine04", "spine03", "spine02", "spine01"]) {
+        for (slot, name) in spine
+            .iter_mut()
+            .zip(["spine05", "spine04", "spine03", "spine02", "spine01"])
+        {
             *slot = bone(name)?;
         }
-        let neck = [bone("neck01")?, bone("neck02")?, bone("neck03")?, bone("head")?];
-        let (arm, leg) = ([limb(arm, "L")?, limb(arm, "R")?], [limb(leg, "L")?, limb(leg, "R")?]);
-        Ok(Bones { spine, neck, arm, leg })
+        let neck = [
+            bone("neck01")?,
+            bone("neck02")?,
+            bone("neck03")?,
+            bone("head")?,
+        ];
+        let (arm, leg) = (
+            [limb(arm, "L")?, limb(arm, "R")?],
+            [limb(leg, "L")?, limb(leg, "R")?],
+        );
+        Ok(Bones {
+            spine,
+            neck,
+            arm,
+            leg,
+        })
     }
 }
 
@@ -350,7 +406,12 @@ impl<'a> Target<'a> {
             neck: Some(head(bones.neck[0])),
             head: Some(head(bones.neck[3])),
         };
-        Ok(Target { avatar, rest, root: figure.joints[0], bones })
+        Ok(Target {
+            avatar,
+            rest,
+            root: figure.joints[0],
+            bones,
+        })
     }
 
     fn pose(&self, actor: &Actor, stance: &Stance) -> Pose {
@@ -379,7 +440,9 @@ impl<'a> Target<'a> {
 
     fn turn_head(&self, pose: &mut Pose, stance: &Stance, chest: DQuat) {
         let line = |s: &Stance| Some((s.head? - s.neck?).normalize_or_zero());
-        let (Some(now), Some(rest)) = (line(stance), line(&self.rest)) else { return };
+        let (Some(now), Some(rest)) = (line(stance), line(&self.rest)) else {
+            return;
+        };
         if now != DVec3::ZERO {
             let turn = DQuat::from_rotation_arc(rest, chest.inverse() * now);
             share(pose, &self.bones.neck, turn);
@@ -399,7 +462,12 @@ impl<'a> Target<'a> {
         let now = limb(stance.leg[side], stance.toe[side]);
         // The shin bends backward: from down toward −z.
         let hinge = rest[0].cross(DVec3::NEG_Z).normalize_or_zero();
-        turn_limb(pose, self.bones.leg[side], pelvis, Limb { rest, now, hinge });
+        turn_limb(
+            pose,
+            self.bones.leg[side],
+            pelvis,
+            Limb { rest, now, hinge },
+        );
     }
 }
 
@@ -445,5 +513,8 @@ fn twist(hinge: DVec3, now: &[DVec3; 3]) -> DQuat {
     let bend = now[0].cross(now[1]);
     let seen = ((bend.length() - 0.1) / 0.4).clamp(0.0, 1.0);
     let angle = hinge.cross(bend).dot(now[0]).atan2(hinge.dot(bend));
-    DQuat::from_axis_angle(now[0].normalize_or(DVec3::Y), seen * seen * (3.0 - 2.0 * seen) * angle)
+    DQuat::from_axis_angle(
+        now[0].normalize_or(DVec3::Y),
+        seen * seen * (3.0 - 2.0 * seen) * angle,
+    )
 }

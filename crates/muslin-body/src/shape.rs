@@ -85,6 +85,7 @@ impl Shape {
 }
 
 pub(crate) const AGE: usize = 1;
+pub(crate) const MUSCLE: usize = 2;
 pub(crate) const WEIGHT: usize = 3;
 pub(crate) const HEIGHT: usize = 4;
 

@@ -1,12 +1,24 @@
 //! A shape that has exactly this height or this mass.
 
 use crate::measure::span;
-use crate::shape::{HEIGHT, WEIGHT};
+use crate::shape::{HEIGHT, MUSCLE, WEIGHT};
 use crate::{Avatar, BodyError, DENSITY, Shape};
+use glam::DVec3;
+
+/// Sliders that make a body stouter than the phenotypes can.
+const STOUT: [&str; 6] = [
+    "measure-waist-circ",
+    "measure-hips-circ",
+    "measure-thigh-circ",
+    "measure-bust-circ",
+    "measure-upperarm-circ",
+    "measure-calf-circ",
+];
 
 impl Avatar {
     /// How tall `shape` is [m]; much faster than making the figure.
     pub fn height_of(&self, shape: &Shape) -> Result<f64, BodyError> {
+        shape.check()?;
         Ok(span(self.points_at(shape, &self.stature)?.into_iter()))
     }
 
@@ -17,40 +29,100 @@ impl Avatar {
 }
 
 impl Shape {
-    /// This shape with the height phenotype that makes it `metres` tall, to a hundredth of a millimetre.
+    /// This shape with the height phenotype that makes it `metres` tall, to a micrometre.
+    ///
+    /// The phenotype has two anchors, so every point runs along a line between them and no
+    /// more than two shapes need evaluating.
     pub fn with_height(&self, avatar: &Avatar, metres: f64) -> Result<Shape, BodyError> {
-        let at = |h: f64| avatar.height_of(&self.set(HEIGHT, h));
-        let found = solve(metres, 1e-6, self.phenotypes[HEIGHT], at)?;
-        let h = found.map_err(|(least, most)| BodyError::HeightOutOfReach {
+        self.check()?;
+        let ends = [0.0, 1.0].map(|h| avatar.points_at(&self.set(HEIGHT, h), &avatar.stature));
+        let [short, tall] = ends;
+        let (short, tall) = (short?, tall?);
+        let at = |h: f64| span(short.iter().zip(&tall).map(|(a, b)| DVec3::lerp(*a, *b, h)));
+        let h = solve(metres, 1e-6, self.phenotypes[HEIGHT], |h| Ok(at(h)))?;
+        let reached = |(least, most)| BodyError::HeightOutOfReach {
             asked: metres,
             least,
             most,
-        })?;
-        Ok(self.set(HEIGHT, h))
+        };
+        Ok(self.set(HEIGHT, h.map_err(reached)?))
     }
 
-    /// This shape with the weight phenotype that makes it weigh `kg`, to ten grams; its height stays.
+    /// This shape made to weigh `kg`; its height stays. See [`Shape::with_height_and_mass`].
     pub fn with_mass(&self, avatar: &Avatar, kg: f64) -> Result<Shape, BodyError> {
         let height = avatar.height_of(self)?;
         self.with_height_and_mass(avatar, height, kg)
     }
 
-    /// This shape with exactly this height [m] and this mass [kg].
+    /// This shape with exactly this height [m], and this mass [kg] to five grams.
+    ///
+    /// The weight phenotype changes first. Where its range ends, muscle wastes away: with
+    /// little muscle the weight phenotype reaches much thinner and much heavier bodies. Where
+    /// that ends too, sliders make chest, waist, hips and limbs stouter.
     pub fn with_height_and_mass(
         &self,
         avatar: &Avatar,
         metres: f64,
         kg: f64,
     ) -> Result<Shape, BodyError> {
-        // The same height phenotype makes another height at another weight, so every try solves it anew.
-        let at = |w: f64| avatar.mass_of(&self.set(WEIGHT, w).with_height(avatar, metres)?);
-        let found = solve(kg, 0.005, self.phenotypes[WEIGHT], at)?;
-        let w = found.map_err(|(least, most)| BodyError::MassOutOfReach {
+        let mass = |s: &Shape| avatar.mass_of(&s.with_height(avatar, metres)?);
+        let path = self.path_of_mass();
+        // The weight phenotype's own span first; the others only where it does not reach.
+        for k in [1, 0, 2, 3] {
+            let on = |t: f64| path[k].between(&path[k + 1], t);
+            if let Ok(t) = solve(kg, 0.005, 0.5, |t| mass(&on(t)))? {
+                return on(t).with_height(avatar, metres);
+            }
+        }
+        let (least, most) = (mass(&path[0])?, mass(&path[4])?);
+        Err(BodyError::MassOutOfReach {
             asked: kg,
             least,
             most,
-        })?;
-        self.set(WEIGHT, w).with_height(avatar, metres)
+        })
+    }
+
+    /// Shapes from the thinnest to the stoutest: wasted, thin, heavy, fat, stout.
+    fn path_of_mass(&self) -> [Shape; 5] {
+        let wasted = self.set(WEIGHT, 0.0).set(MUSCLE, 0.0);
+        let fat = self.set(WEIGHT, 1.0).set(MUSCLE, 0.0);
+        let mut stout = fat.clone();
+        for name in STOUT {
+            stout = stout.with_local(name, 1.0);
+        }
+        [
+            wasted,
+            self.set(WEIGHT, 0.0),
+            self.set(WEIGHT, 1.0),
+            fat,
+            stout,
+        ]
+    }
+
+    /// `t` = 0 is this shape, 1 is `other`.
+    pub fn between(&self, other: &Shape, t: f64) -> Shape {
+        let mix = |a: f64, b: f64| a + t * (b - a);
+        let mut out = self.clone();
+        for (p, q) in out.phenotypes.iter_mut().zip(&other.phenotypes) {
+            *p = mix(*p, *q);
+        }
+        for (name, value) in &mut out.locals {
+            *value = mix(*value, other.local(name));
+        }
+        for (name, value) in &other.locals {
+            if !self.locals.iter().any(|(n, _)| n == name) {
+                out.locals.push((name.clone(), t * value));
+            }
+        }
+        out
+    }
+
+    /// How far a slider is pushed; zero when it is not set.
+    pub fn local(&self, name: &str) -> f64 {
+        self.locals
+            .iter()
+            .find(|(n, _)| n == name)
+            .map_or(0.0, |(_, v)| *v)
     }
 
     fn set(&self, index: usize, value: f64) -> Shape {
@@ -71,11 +143,15 @@ fn solve(
     f: impl Fn(f64) -> Result<f64, BodyError>,
 ) -> Result<Result<f64, Reach>, BodyError> {
     let (mut low, mut high) = ((0.0, f(0.0)?), (1.0, f(1.0)?));
+    if low.1 > high.1 {
+        // A falling span of the path of mass: the same search the other way round.
+        std::mem::swap(&mut low, &mut high);
+    }
     let reach = (low.1, high.1);
     if !(low.1 - tolerance..=high.1 + tolerance).contains(&want) {
         return Ok(Err(reach));
     }
-    let mut t = guess.clamp(0.01, 0.99);
+    let mut t = guess.clamp(0.001, 0.999);
     for k in 0..60 {
         let at = f(t)?;
         if (at - want).abs() <= tolerance {
@@ -87,7 +163,7 @@ fn solve(
         t = if k % 3 == 2 {
             (low.0 + high.0) / 2.0
         } else {
-            secant.clamp(low.0, high.0)
+            secant.clamp(0.0, 1.0)
         };
     }
     Ok(Ok(t))
@@ -107,5 +183,24 @@ mod tests {
             assert!((f(t).expect("fine") - want).abs() < 1e-8, "{want} at {t}");
         }
         assert_eq!(solve(6.0, 1e-9, 0.3, f).expect("no error"), Err((0.0, 5.5)));
+    }
+
+    #[test]
+    fn a_fall_is_solved_too() {
+        let t = solve(0.7, 1e-9, 0.9, |t| Ok(1.0 - t * t))
+            .expect("no error")
+            .expect("in reach");
+        assert!((t - 0.3f64.sqrt()).abs() < 1e-8);
+    }
+
+    #[test]
+    fn between_two_shapes_sliders_of_either_fade() {
+        let a = Shape::default().with_local("x", 1.0);
+        let b = Shape::default().with_local("y", -1.0);
+        let half = a.between(&b, 0.5);
+        assert_eq!(
+            (half.local("x"), half.local("y"), half.local("z")),
+            (0.5, -0.5, 0.0)
+        );
     }
 }
