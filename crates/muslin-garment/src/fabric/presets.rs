@@ -4,7 +4,7 @@
 //!
 //! What the choices lean on:
 //! - stretch and strain limits: Penava et al. 2014 (woven cotton, wool, polyester, wool with lycra;
-//!   the limit is the strain at break of its linear range); Clyde, Teran and Tamstorf 2017
+//!   its limits as C-IPC lists them); Clyde, Teran and Tamstorf 2017
 //!   (orthotropic cotton, wool, silk, denim); Wang, O'Brien and Ramamoorthi 2011 (knits, denim);
 //! - bending: Wang et al. 2011, read with `B = k/4`; KES figures of shirtings, 5e-6 to 1e-5 N m;
 //! - thickness: Penava 2014 and Clyde 2017 at like weights;
