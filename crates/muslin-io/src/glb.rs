@@ -6,6 +6,7 @@
 
 mod bin;
 mod json;
+mod tangent;
 
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -78,6 +79,13 @@ fn mesh(
     if !node.uvs.is_empty() {
         attributes["TEXCOORD_0"] = bin.uvs(&node.uvs).into();
     }
+    if json::has_normal_map(node) {
+        let tangents = tangent::tangents(node, &normals);
+        attributes["TANGENT"] = match options.quantised {
+            true => bin.short_tangents(&tangents).into(),
+            false => bin.tangents(&tangents).into(),
+        };
+    }
     let indices = bin.indices(&node.mesh.faces, node.mesh.verts.len());
     let primitive = json!({ "attributes": attributes, "indices": indices, "material": material });
     (
@@ -101,10 +109,16 @@ fn placed(node: &Node, mesh: usize, grid: Option<Grid>) -> Value {
     value
 }
 
-/// Wraps JSON and binary into the container (glTF 2.0, section 4).
+/// Wraps JSON and binary into the container (glTF 2.0, section 4); an empty binary is left out.
 fn container(json: &str, bin: &[u8]) -> Vec<u8> {
+    let chunks = [(b"JSON", json.as_bytes(), b' '), (b"BIN\0", bin, 0)];
+    let chunks = chunks.into_iter().filter(|(_, body, _)| !body.is_empty());
     let padded = |len: usize| len.next_multiple_of(4);
-    let total = 12 + 8 + padded(json.len()) + 8 + padded(bin.len());
+    let total = 12
+        + chunks
+            .clone()
+            .map(|(_, body, _)| 8 + padded(body.len()))
+            .sum::<usize>();
     let mut out = Vec::with_capacity(total);
     let word = |out: &mut Vec<u8>, n: usize| {
         out.extend(
@@ -116,7 +130,7 @@ fn container(json: &str, bin: &[u8]) -> Vec<u8> {
     out.extend(b"glTF");
     word(&mut out, 2);
     word(&mut out, total);
-    for (kind, body, fill) in [(b"JSON", json.as_bytes(), b' '), (b"BIN\0", bin, 0)] {
+    for (kind, body, fill) in chunks {
         word(&mut out, padded(body.len()));
         out.extend(kind);
         out.extend(body);

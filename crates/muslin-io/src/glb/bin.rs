@@ -1,6 +1,6 @@
 //! The binary half: numbers in a buffer, and the JSON that says where they are.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, DVec4};
 use serde_json::{Value, json};
 
 /// Component types of glTF.
@@ -116,7 +116,7 @@ impl Bin {
         let (low, high) = (bound(i16::min), bound(i16::max));
         let view = self.shorts(&cells);
         let shape = json!({ "type": "VEC3", "componentType": SHORT, "min": low, "max": high });
-        self.accessor((view, cells.len()), shape)
+        self.accessor(view, shape)
     }
 
     /// Normals as floats.
@@ -127,14 +127,27 @@ impl Bin {
 
     /// Normals as 16-bit fractions of one.
     pub fn short_normals(&mut self, normals: &[DVec3]) -> usize {
-        let short = |n: f64| (n * 32_767.0).round() as i16;
         let normals: Vec<_> = normals
             .iter()
             .map(|&n| unit(n).to_array().map(short))
             .collect();
         let view = self.shorts(&normals);
         let shape = json!({ "type": "VEC3", "componentType": SHORT, "normalized": true });
-        self.accessor((view, normals.len()), shape)
+        self.accessor(view, shape)
+    }
+
+    /// Tangents as floats.
+    pub fn tangents(&mut self, tangents: &[DVec4]) -> usize {
+        let view = self.floats(tangents.iter().map(|t| t.as_vec4().to_array()));
+        self.accessor(view, json!({ "type": "VEC4", "componentType": FLOAT }))
+    }
+
+    /// Tangents as 16-bit fractions of one.
+    pub fn short_tangents(&mut self, tangents: &[DVec4]) -> usize {
+        let tangents: Vec<_> = tangents.iter().map(|t| t.to_array().map(short)).collect();
+        let view = self.shorts(&tangents);
+        let shape = json!({ "type": "VEC4", "componentType": SHORT, "normalized": true });
+        self.accessor(view, shape)
     }
 
     /// Texture coordinates as 16-bit fractions of their [`UvFrame`].
@@ -182,26 +195,30 @@ impl Bin {
         self.view(start, json!({}))
     }
 
-    fn floats(&mut self, vectors: impl ExactSizeIterator<Item = [f32; 3]>) -> (usize, usize) {
+    /// Numbers of 32 bits, `N` to a vertex: the view and the count.
+    fn floats<const N: usize>(
+        &mut self,
+        vectors: impl ExactSizeIterator<Item = [f32; N]>,
+    ) -> (usize, usize) {
         let (start, n) = (self.start(), vectors.len());
         for c in vectors.flatten() {
             self.bytes.extend(c.to_le_bytes());
         }
-        (
-            self.view(start, json!({ "target": VERTICES, "byteStride": 12 })),
-            n,
-        )
+        let shape = json!({ "target": VERTICES, "byteStride": 4 * N });
+        (self.view(start, shape), n)
     }
 
-    /// Triples of 16 bits, each padded to eight bytes as glTF's alignment wants.
-    fn shorts(&mut self, vectors: &[[i16; 3]]) -> usize {
+    /// Numbers of 16 bits, padded to eight bytes a vertex as glTF's alignment wants.
+    fn shorts<const N: usize>(&mut self, vectors: &[[i16; N]]) -> (usize, usize) {
         let start = self.start();
-        for &[x, y, z] in vectors {
-            for c in [x, y, z, 0] {
+        for vector in vectors {
+            let padding = std::iter::repeat_n(0, 4 - N);
+            for c in vector.iter().copied().chain(padding) {
                 self.bytes.extend(c.to_le_bytes());
             }
         }
-        self.view(start, json!({ "target": VERTICES, "byteStride": 8 }))
+        let shape = json!({ "target": VERTICES, "byteStride": 8 });
+        (self.view(start, shape), vectors.len())
     }
 
     /// Where the next view starts.
@@ -240,6 +257,11 @@ fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
 /// A unit vector; a vertex without a direction of its own looks up.
 fn unit(n: DVec3) -> DVec3 {
     n.try_normalize().unwrap_or(DVec3::Y)
+}
+
+/// A fraction of one in 16 bits.
+fn short(c: f64) -> i16 {
+    (c * 32_767.0).round() as i16
 }
 
 /// From v up to glTF's v down.

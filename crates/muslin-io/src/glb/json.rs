@@ -146,6 +146,12 @@ fn buffers(bin: &Bin) -> Vec<Value> {
     }
 }
 
+/// Whether the node shows a normal map, so that it needs tangents.
+pub fn has_normal_map(node: &Node) -> bool {
+    let maps = node.material.maps.as_ref();
+    !node.uvs.is_empty() && maps.is_some_and(|m| m.normal.is_some())
+}
+
 /// sRGB to linear light (IEC 61966-2-1), to five digits: finer than eight bits.
 fn linear(colour: [u8; 3]) -> [f64; 3] {
     colour.map(|c| {
