@@ -55,7 +55,7 @@ pub fn stress(f: &[DVec3; 2], k: &Lame) -> (f64, [DVec3; 2]) {
 ///
 /// The exact Hessian is `∂E: C : ∂E + S ⊗ I₃`. The first part is positive as it stands; of the
 /// second the negative eigenvalues of the stress `S` (compression) are set to zero. So it is exact
-/// in tension, and never more than the exact one is missing.
+/// in tension, and in compression only adds to the exact one.
 #[inline]
 pub fn response(f: &[DVec3; 2], k: &Lame) -> InPlane {
     let s = tension(piola(green(f), k));
