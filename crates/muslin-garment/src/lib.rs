@@ -1,1 +1,19 @@
 //! What is worn: fabric, recipe, layers, binding to a body.
+
+mod error;
+mod fabric;
+mod form;
+mod garment;
+mod outfit;
+mod pattern;
+mod recipe;
+mod settle;
+mod sheet;
+mod stand;
+mod tube;
+
+pub use error::GarmentError;
+pub use fabric::{Confidence, Fabric, FabricError, Look, STIFFEST, WEIGHTS, Weave};
+pub use garment::{Garment, Rim, Worn};
+pub use outfit::Outfit;
+pub use recipe::{Cut, Opening, Recipe, Side, Tee, Trousers};

@@ -1,0 +1,253 @@
+//! A garment: one mesh for every body, and how it is put on.
+
+use crate::GarmentError;
+use crate::form::Part as Solid;
+use crate::pattern::{flatten, lay_flat, turn};
+use crate::recipe::{Opening, Recipe};
+use crate::settle::{Net, Track};
+use crate::sheet::{Row, Sheet, blend};
+use crate::stand::{BodyMap, Stand};
+use glam::{DVec2, DVec3};
+use muslin_body::{Avatar, Figure, Part, Shape, Sparse};
+use muslin_geom::Surface;
+
+/// Something to wear. Topology, pattern and binding are the same on every body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Garment {
+    /// What it is, as in the wardrobe's list.
+    pub name: String,
+    /// How it was made.
+    pub recipe: Recipe,
+    /// Triangles, counter-clockwise seen from outside.
+    pub faces: Vec<[u32; 3]>,
+    /// The pattern: where each face's corners lie on the cloth [m]; x across the grain
+    /// (weft), y along it (warp, up on the body). Panels lie apart only by their number.
+    pub uv: Vec<[DVec2; 3]>,
+    /// Panel of each face; names by [`Recipe::panels`].
+    pub panel: Vec<u8>,
+    /// Vertex → (avatar vertex, share); each row sums to one.
+    pub binding: Sparse,
+    /// Vertices that are held on the body: the waistband.
+    pub pins: Vec<u32>,
+    /// The openings.
+    pub rims: Vec<Rim>,
+    net: Net,
+}
+
+/// The edge of an opening.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rim {
+    /// Which opening.
+    pub opening: Opening,
+    /// Its vertices in order, a closed loop.
+    pub verts: Vec<u32>,
+}
+
+/// A garment on a body in its rest pose, free of the body and of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Worn {
+    /// Vertices [m].
+    pub verts: Vec<DVec3>,
+    /// The cloth without strain: each face's corners on the cloth [m], x weft, y warp.
+    pub rest: Vec<[DVec2; 3]>,
+}
+
+/// Slides of the mesh over its form when it is made, and when it is put on.
+const SETTLE: usize = 60;
+
+/// Room between two layers of cloth [m].
+const BETWEEN_LAYERS: f64 = 0.004;
+
+impl Garment {
+    /// Makes a garment, on the avatar's default body.
+    pub fn make(avatar: &Avatar, recipe: &Recipe) -> Result<Garment, GarmentError> {
+        recipe.check()?;
+        let base = avatar.figure(&Shape::default())?;
+        let map = BodyMap::new(avatar, &base)?;
+        let stand = Stand::new(&map, &base);
+        let sheet = mesh(recipe, &stand)?;
+        let x = sheet.at(&base.verts);
+        let net = Net::new(sheet.faces, sheet.rows.len());
+        let rims = name_rims(recipe, &net, &x);
+        let mut binding = Sparse::new();
+        sheet
+            .rows
+            .iter()
+            .for_each(|r| binding.push(r.iter().copied()));
+        let mut garment = Garment {
+            name: recipe.name().into(),
+            recipe: recipe.clone(),
+            faces: net.faces.clone(),
+            uv: vec![],
+            panel: vec![],
+            binding,
+            pins: pins(&rims),
+            rims,
+            net,
+        };
+        let x = garment.settled(&stand, &[], None);
+        garment.draw_pattern(&stand, &x, &sheet.rows);
+        Ok(garment)
+    }
+
+    /// How many vertices it has.
+    pub fn n_verts(&self) -> usize {
+        self.binding.n_rows()
+    }
+
+    /// Puts the garment on a figure, outside of what is worn `under` it.
+    ///
+    /// What lies under pushes the cloth out but does not change its size. For several garments
+    /// at once, [`Outfit::worn`](crate::Outfit::worn).
+    pub fn worn(
+        &self,
+        avatar: &Avatar,
+        figure: &Figure,
+        under: &[(&Garment, &Worn)],
+    ) -> Result<Worn, GarmentError> {
+        let base = avatar.figure(&Shape::default())?;
+        let map = BodyMap::new(avatar, &base)?;
+        Ok(self.put_on(&Stand::new(&map, figure), under, None))
+    }
+
+    /// As [`Garment::worn`]; `tuck` is the height [m] of a waistband that it is tucked into.
+    pub(crate) fn put_on(
+        &self,
+        stand: &Stand,
+        under: &[(&Garment, &Worn)],
+        tuck: Option<f64>,
+    ) -> Worn {
+        let alone = self.settled(stand, &[], tuck);
+        let rest = self.rest(&alone);
+        let inner: Vec<(Surface, Vec<bool>)> = (under.iter())
+            .map(|(g, w)| (Surface::new(&w.verts, &g.faces), g.net.on_rim()))
+            .collect();
+        let verts = if inner.is_empty() {
+            alone
+        } else {
+            self.settled(stand, &inner, tuck)
+        };
+        Worn { verts, rest }
+    }
+
+    /// The height of an opening on a body [m]; none without such an opening.
+    pub(crate) fn height_of(&self, opening: Opening, stand: &Stand) -> Option<f64> {
+        let rim = self.rims.iter().find(|r| r.opening == opening)?;
+        let y = |&i: &u32| blend(self.binding.row(i as usize), stand.verts).y;
+        Some(rim.verts.iter().map(y).sum::<f64>() / rim.verts.len() as f64)
+    }
+
+    /// Vertex → (bone of the full rig, weight): what the binding gives.
+    pub fn skin_weights(&self, avatar: &Avatar) -> Sparse {
+        let bones = &avatar.rig().weights;
+        let mut out = Sparse::new();
+        for row in self.binding.rows() {
+            let mut all: Row = (row.iter())
+                .flat_map(|&(i, w)| bones.row(i as usize).iter().map(move |&(b, s)| (b, s * w)))
+                .collect();
+            all.sort_by_key(|e| e.0);
+            all.dedup_by(|b, a| {
+                let same = a.0 == b.0;
+                a.1 += if same { b.1 } else { 0.0 };
+                same
+            });
+            out.push(all);
+        }
+        out
+    }
+
+    /// The mesh on its form around a body [m].
+    fn settled(
+        &self,
+        stand: &Stand,
+        under: &[(Surface, Vec<bool>)],
+        tuck: Option<f64>,
+    ) -> Vec<DVec3> {
+        let mut x: Vec<DVec3> = self.binding.rows().map(|r| blend(r, stand.verts)).collect();
+        let mut form = self.recipe.form(stand, tuck);
+        for (surface, rim) in under {
+            form.parts.push(Solid::Cloth(surface, rim, BETWEEN_LAYERS));
+        }
+        self.net.round_rims(&mut x, 10);
+        let tracks = self.tracks(stand, &x);
+        self.net.settle(&form, &mut x, &tracks, SETTLE);
+        x
+    }
+
+    fn tracks(&self, stand: &Stand, x: &[DVec3]) -> Vec<Track> {
+        let at = |r: &Rim| r.verts.iter().map(|&i| x[i as usize]).collect::<Vec<_>>();
+        self.rims
+            .iter()
+            .map(|r| self.recipe.track(stand, r.opening, &at(r)))
+            .collect()
+    }
+
+    /// Each face's own shape at `x`, turned so that the grain is upright.
+    fn rest(&self, x: &[DVec3]) -> Vec<[DVec2; 3]> {
+        let turned = |(f, uv): (&[u32; 3], &[DVec2; 3])| {
+            let flat = lay_flat(f.map(|i| x[i as usize]));
+            let r = turn(&flat, uv);
+            flat.map(|p| r.rotate(p))
+        };
+        self.faces.iter().zip(&self.uv).map(turned).collect()
+    }
+
+    fn draw_pattern(&mut self, stand: &Stand, x: &[DVec3], rows: &[Row]) {
+        let laid: Vec<_> = (self.faces.iter())
+            .map(|f| {
+                let corner = |k: usize| &rows[f[k] as usize];
+                let arm = [0, 1].map(|s| share(&stand.map.arm[s], [0, 1, 2].map(corner)));
+                self.recipe.lay(stand, f.map(|i| x[i as usize]), arm)
+            })
+            .collect();
+        self.panel = laid.iter().map(|l| l.panel as u8).collect();
+        self.uv = flatten(x, &self.faces, &laid);
+    }
+}
+
+/// The mean of a per-vertex share over three rows.
+fn share(values: &[f64], rows: [&Row; 3]) -> f64 {
+    let of = |r: &Row| r.iter().map(|&(i, w)| values[i as usize] * w).sum::<f64>();
+    rows.map(of).iter().sum::<f64>() / 3.0
+}
+
+/// Cut from the tights, remeshed there, laid on the form, and remeshed on it.
+fn mesh(recipe: &Recipe, stand: &Stand) -> Result<Sheet, GarmentError> {
+    let sheet = recipe.cut(stand, Sheet::whole(stand.map));
+    let on_body = sheet.at(stand.verts);
+    let rough = sheet.remeshed(on_body, 1.1 * recipe.edge().max(0.012));
+    let mut x = rough.at(stand.verts);
+    let net = Net::new(rough.faces.clone(), x.len());
+    net.round_rims(&mut x, 10);
+    let rims = name_rims(recipe, &net, &x);
+    let at = |r: &Rim| r.verts.iter().map(|&i| x[i as usize]).collect::<Vec<_>>();
+    let tracks: Vec<Track> = rims
+        .iter()
+        .map(|r| recipe.track(stand, r.opening, &at(r)))
+        .collect();
+    net.settle(&recipe.form(stand, None), &mut x, &tracks, SETTLE);
+    rough
+        .remeshed(x, recipe.edge())
+        .bound(stand.verts, &stand.tights())
+}
+
+fn name_rims(recipe: &Recipe, net: &Net, x: &[DVec3]) -> Vec<Rim> {
+    let middle =
+        |ring: &Vec<u32>| ring.iter().map(|&i| x[i as usize]).sum::<DVec3>() / ring.len() as f64;
+    let middles: Vec<DVec3> = net.loops.iter().map(middle).collect();
+    let rim = |(k, ring): (usize, &Vec<u32>)| Rim {
+        opening: recipe.opening(&middles, k),
+        verts: ring.clone(),
+    };
+    net.loops.iter().enumerate().map(rim).collect()
+}
+
+fn pins(rims: &[Rim]) -> Vec<u32> {
+    let mut all: Vec<u32> = rims
+        .iter()
+        .filter(|r| r.opening == Opening::Waist)
+        .flat_map(|r| r.verts.clone())
+        .collect();
+    all.sort_unstable();
+    all
+}

@@ -1,0 +1,32 @@
+//! An outfit: garments in the order in which they lie on the body.
+
+use crate::stand::{BodyMap, Stand};
+use crate::{Garment, GarmentError, Opening, Worn};
+use muslin_body::{Avatar, Figure, Shape};
+
+/// What somebody wears, from the skin outward.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outfit {
+    /// Innermost first.
+    pub garments: Vec<Garment>,
+}
+
+impl Outfit {
+    /// Puts everything on, each garment outside of those before it.
+    ///
+    /// A shirt under trousers is tucked in. The result has one entry per garment, in order.
+    pub fn worn(&self, avatar: &Avatar, figure: &Figure) -> Result<Vec<Worn>, GarmentError> {
+        let base = avatar.figure(&Shape::default())?;
+        let map = BodyMap::new(avatar, &base)?;
+        let stand = Stand::new(&map, figure);
+        let mut done: Vec<Worn> = Vec::with_capacity(self.garments.len());
+        for (k, garment) in self.garments.iter().enumerate() {
+            let under: Vec<(&Garment, &Worn)> = self.garments[..k].iter().zip(&done).collect();
+            let waist = |g: &Garment| g.height_of(Opening::Waist, &stand);
+            let tuck = self.garments[k + 1..].iter().find_map(waist);
+            let worn = garment.put_on(&stand, &under, tuck);
+            done.push(worn);
+        }
+        Ok(done)
+    }
+}

@@ -1,0 +1,198 @@
+//! Recipes: what a tailor decides, and how it becomes a form and cuts.
+
+mod tee;
+mod trousers;
+
+pub use tee::Tee;
+pub use trousers::Trousers;
+
+use crate::GarmentError;
+use crate::form::Form;
+use crate::pattern::Laid;
+use crate::settle::Track;
+use crate::sheet::Sheet;
+use crate::stand::Stand;
+use glam::{DVec2, DVec3};
+
+/// How generously a garment is cut.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Cut {
+    /// Close to the body.
+    Slim,
+    /// As most are worn.
+    #[default]
+    Regular,
+    /// With plenty of room.
+    Loose,
+}
+
+/// What to make.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Recipe {
+    /// A crew-neck shirt.
+    Tee(Tee),
+    /// Trousers or shorts.
+    Trousers(Trousers),
+}
+
+/// Which opening of a garment a rim is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Opening {
+    /// Around the neck.
+    Neck,
+    /// The lower edge of a shirt.
+    Hem,
+    /// The end of the left or right sleeve.
+    Cuff(Side),
+    /// Around the waist.
+    Waist,
+    /// The end of the left or right leg.
+    LegHem(Side),
+}
+
+/// A side of the body, from its own point of view.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// At +X.
+    Left,
+    /// At −X.
+    Right,
+}
+
+impl Side {
+    /// The side that a point [m] is on.
+    pub(crate) fn of(p: DVec3) -> Side {
+        if p.x >= 0.0 { Side::Left } else { Side::Right }
+    }
+
+    pub(crate) fn index(self) -> usize {
+        match self {
+            Side::Left => 0,
+            Side::Right => 1,
+        }
+    }
+}
+
+impl Recipe {
+    /// The name of what is made.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Recipe::Tee(_) => "tee",
+            Recipe::Trousers(_) => "trousers",
+        }
+    }
+
+    /// Edge length aimed at [m].
+    pub fn edge(&self) -> f64 {
+        match self {
+            Recipe::Tee(r) => r.edge,
+            Recipe::Trousers(r) => r.edge,
+        }
+    }
+
+    /// Whether every figure is one that cloth can be cut to.
+    pub fn check(&self) -> Result<(), GarmentError> {
+        match self {
+            Recipe::Tee(r) => in_range(&r.figures()),
+            Recipe::Trousers(r) => in_range(&r.figures()),
+        }
+    }
+
+    pub(crate) fn cut(&self, stand: &Stand, whole: Sheet) -> Sheet {
+        match self {
+            Recipe::Tee(r) => r.cut(stand, whole),
+            Recipe::Trousers(r) => r.cut(stand, whole),
+        }
+    }
+
+    /// What it is cut on; `tuck` is the height [m] of a waistband it is tucked into.
+    pub(crate) fn form<'a>(&self, stand: &'a Stand<'a>, tuck: Option<f64>) -> Form<'a> {
+        match self {
+            Recipe::Tee(r) => r.form(stand, tuck),
+            Recipe::Trousers(r) => r.form(stand),
+        }
+    }
+
+    /// What opening a rim is, of all the rims' middles [m].
+    pub(crate) fn opening(&self, middles: &[DVec3], rim: usize) -> Opening {
+        let m = middles[rim];
+        let others = || {
+            middles
+                .iter()
+                .enumerate()
+                .filter(|(i, _)| *i != rim)
+                .map(|(_, p)| p)
+        };
+        let highest = others().all(|p| p.y < m.y);
+        let lowest = others().all(|p| p.y > m.y);
+        match self {
+            Recipe::Tee(_) if highest => Opening::Neck,
+            Recipe::Tee(_) if lowest => Opening::Hem,
+            Recipe::Tee(_) => Opening::Cuff(Side::of(m)),
+            Recipe::Trousers(_) if highest => Opening::Waist,
+            Recipe::Trousers(_) => Opening::LegHem(Side::of(m)),
+        }
+    }
+
+    /// How a rim through these places [m] stays flat.
+    pub(crate) fn track(&self, stand: &Stand, opening: Opening, rim: &[DVec3]) -> Track {
+        let middle = rim.iter().sum::<DVec3>() / rim.len() as f64;
+        match (self, opening) {
+            (_, Opening::Neck) => Track::Free,
+            (Recipe::Tee(r), Opening::Cuff(side)) => {
+                Track::Plane(middle, r.sleeve_axis(stand, side).along)
+            }
+            _ => Track::Plane(middle, DVec3::Y),
+        }
+    }
+
+    /// Where a face with these corners [m] and this share of arm bones goes on the pattern.
+    pub(crate) fn lay(&self, stand: &Stand, corners: [DVec3; 3], arm: [f64; 2]) -> Laid {
+        match self {
+            Recipe::Tee(r) => r.lay(stand, corners, arm),
+            Recipe::Trousers(r) => r.lay(stand, corners),
+        }
+    }
+
+    /// The panels' names, in the order of their numbers.
+    pub fn panels(&self) -> &'static [&'static str] {
+        match self {
+            Recipe::Tee(_) => &["front", "back", "left sleeve", "right sleeve"],
+            Recipe::Trousers(_) => &["front left", "front right", "back left", "back right"],
+        }
+    }
+}
+
+/// A figure of a recipe: what it is, its value, the least and the most allowed.
+pub(crate) type FigureRange = (&'static str, f64, f64, f64);
+
+fn in_range(figures: &[FigureRange]) -> Result<(), GarmentError> {
+    match figures
+        .iter()
+        .find(|(_, value, low, high)| !(*low..=*high).contains(value))
+    {
+        None => Ok(()),
+        Some(&(what, value, low, high)) => Err(GarmentError::OutOfRange {
+            what,
+            value,
+            low,
+            high,
+        }),
+    }
+}
+
+/// Lays a point by its shadow on the frontal plane, with the sides folded out.
+///
+/// `middle`: x and z of the panel's middle line [m]; `unfold`: 1 where the sides go back steeply.
+pub(crate) fn shadow(p: DVec3, middle: DVec2, unfold: f64) -> DVec2 {
+    let x = p.x - middle.x;
+    let depth = 0.5 * unfold * (0.16 - (p.z - middle.y).abs()).max(0.0);
+    let edge = (x / 0.04).clamp(-1.0, 1.0);
+    DVec2::new(p.x + edge * depth, p.y)
+}
+
+/// 0 below `from`, 1 above `to`, smooth between.
+pub(crate) fn ramp(x: f64, from: f64, to: f64) -> f64 {
+    let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}

@@ -1,0 +1,248 @@
+//! A crew-neck shirt.
+
+use super::{Cut, FigureRange, Side, ramp, shadow};
+use crate::form::{Form, Part, Wall};
+use crate::pattern::Laid;
+use crate::sheet::Sheet;
+use crate::stand::Stand;
+use crate::tube::{Axis, Tube};
+use glam::{DVec2, DVec3};
+use std::f64::consts::TAU;
+
+/// A crew-neck shirt. Lengths are those of the average body and grow with it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tee {
+    /// Girth beyond the chest's [m].
+    pub chest_ease: f64,
+    /// Girth at the hem beyond what it falls over: hips, belly [m].
+    pub hem_ease: f64,
+    /// Girth beyond the upper arm's [m].
+    pub sleeve_ease: f64,
+    /// Girth beyond the arm's where the sleeve ends [m].
+    pub cuff_ease: f64,
+    /// Sleeve length: 1 ends at the elbow, 2 at the wrist.
+    pub sleeve: f64,
+    /// Height of the hem above the crotch [m].
+    pub hem: f64,
+    /// How far the neckline stands off the neck at the sides [m].
+    pub neck_width: f64,
+    /// How much lower than that it lies in front [m].
+    pub neck_depth: f64,
+    /// Edge length of the triangles aimed at [m], 0.005 to 0.025.
+    pub edge: f64,
+}
+
+/// Room above the arm, where the sleeve lies on it [m].
+const ON_ARM: f64 = 0.005;
+
+impl Default for Tee {
+    fn default() -> Tee {
+        Tee::new(Cut::Regular)
+    }
+}
+
+impl Tee {
+    /// A short-sleeved shirt of this cut.
+    pub fn new(cut: Cut) -> Tee {
+        let (chest, hem, sleeve, cuff) = match cut {
+            Cut::Slim => (0.05, 0.05, 0.05, 0.06),
+            Cut::Regular => (0.10, 0.08, 0.09, 0.11),
+            Cut::Loose => (0.18, 0.15, 0.14, 0.17),
+        };
+        Tee {
+            chest_ease: chest,
+            hem_ease: hem,
+            sleeve_ease: sleeve,
+            cuff_ease: cuff,
+            sleeve: 0.72,
+            hem: 0.035,
+            neck_width: 0.012,
+            neck_depth: 0.025,
+            edge: 0.012,
+        }
+    }
+
+    pub(crate) fn figures(&self) -> [FigureRange; 9] {
+        [
+            ("chest ease [m]", self.chest_ease, 0.02, 0.5),
+            ("hem ease [m]", self.hem_ease, 0.02, 0.6),
+            ("sleeve ease [m]", self.sleeve_ease, 0.02, 0.3),
+            ("cuff ease [m]", self.cuff_ease, 0.02, 0.3),
+            ("sleeve length", self.sleeve, 0.35, 1.95),
+            ("hem above the crotch [m]", self.hem, 0.02, 0.2),
+            ("neck width [m]", self.neck_width, 0.0, 0.05),
+            ("neck depth [m]", self.neck_depth, 0.0, 0.1),
+            ("edge length [m]", self.edge, 0.005, 0.025),
+        ]
+    }
+
+    /// The arm's axis as far as the sleeve goes; it points down the arm.
+    pub(crate) fn sleeve_axis(&self, stand: &Stand, side: Side) -> Axis {
+        let limbs = &stand.limbs[side.index()];
+        Axis::new(limbs.shoulder, self.sleeve_end(stand, side), DVec3::Z)
+    }
+
+    /// Where the arm's axis leaves the sleeve [m].
+    fn sleeve_end(&self, stand: &Stand, side: Side) -> DVec3 {
+        let limbs = &stand.limbs[side.index()];
+        if self.sleeve <= 1.0 {
+            limbs.shoulder.lerp(limbs.elbow, self.sleeve)
+        } else {
+            limbs.elbow.lerp(limbs.wrist, self.sleeve - 1.0)
+        }
+    }
+
+    pub(crate) fn cut(&self, stand: &Stand, whole: Sheet) -> Sheet {
+        let v = stand.verts;
+        let floor = stand.crotch + self.hem;
+        let mut sheet = whole.cut(v, |p| p.y - floor);
+        for side in [Side::Left, Side::Right] {
+            sheet = sheet.cut(v, |p| self.before_cuff(stand, side, p));
+        }
+        sheet.cut(v, |p| self.outside_neck(stand, p)).largest()
+    }
+
+    /// Positive before the end of a sleeve, and away from that arm.
+    fn before_cuff(&self, stand: &Stand, side: Side, p: DVec3) -> f64 {
+        let limbs = &stand.limbs[side.index()];
+        let from = if self.sleeve <= 1.0 {
+            limbs.shoulder
+        } else {
+            limbs.elbow
+        };
+        let end = self.sleeve_end(stand, side);
+        let axis = Axis::new(from, end, DVec3::Z);
+        let (t, u, w) = axis.coordinates(p);
+        let length = (end - from).length();
+        (length - t).max((u * u + w * w).sqrt() - 0.11)
+    }
+
+    /// Positive outside a leaning elliptical cylinder around the neck.
+    fn outside_neck(&self, stand: &Stand, p: DVec3) -> f64 {
+        let [l, r] = stand.limbs;
+        let middle = (l.shoulder + r.shoulder) / 2.0 + DVec3::new(0.0, 0.05, 0.0);
+        let up = DVec3::new(0.0, 0.9, 0.43).normalize();
+        let forward = DVec3::X.cross(up);
+        let d = p - middle;
+        let half = 0.066 + self.neck_width;
+        let (x, z) = (d.x, d.dot(forward));
+        let deep = half - 0.006 + if z > 0.0 { self.neck_depth } else { 0.0 };
+        let ring = ((x / half).powi(2) + (z / deep).powi(2)).sqrt() - 1.0;
+        ring.max(-(d.dot(up) + 0.06) * 10.0)
+    }
+
+    /// What the shirt is cut on; `tuck` is the height [m] of a waistband it is tucked into.
+    pub(crate) fn form<'a>(&self, stand: &'a Stand<'a>, tuck: Option<f64>) -> Form<'a> {
+        let mut parts = vec![Part::tube(self.trunk(stand, tuck), vec![])];
+        for side in [Side::Left, Side::Right] {
+            let sleeve = self.sleeve_tube(stand, side);
+            let end = Wall {
+                point: sleeve.axis.origin,
+                out: -sleeve.axis.along,
+            };
+            parts.push(Part::tube(sleeve, vec![end]));
+        }
+        parts.push(Part::Skin(&stand.skin, 0.004));
+        Form { parts, blend: 0.02 }
+    }
+
+    /// Straight down from chest and shoulder blades, straight up to the neck.
+    fn trunk(&self, stand: &Stand, tuck: Option<f64>) -> Tube {
+        let shoulder = (stand.limbs[0].shoulder.y + stand.limbs[1].shoulder.y) / 2.0;
+        let low = stand.crotch + self.hem - 0.03;
+        let top = shoulder + 0.3 * stand.trunk();
+        let pit = stand.armpit;
+        let mut tube = stand.trunk_tube(low, top);
+        let mut snug = tube.clone();
+        let chest = tube.largest_girth(pit - 0.35 * stand.trunk(), pit) + self.chest_ease;
+        let hips = tube.largest_girth(low, stand.crotch + 0.5 * stand.trunk()) + self.hem_ease;
+        let hem = chest.max(hips);
+        tube.drop_to(0, low, pit);
+        tube.bridge(low, shoulder + 0.12 * stand.trunk());
+        tube.widen(|y, girth| {
+            let want = hem + (chest - hem) * ((y - low) / (pit - low)).min(1.0);
+            let below = ((want - girth) / TAU).max(0.006);
+            below + (0.005 - below) * ramp(y, pit, shoulder)
+        });
+        if let Some(waist) = tuck {
+            snug.widen(|_, _| 0.006);
+            tube.blend_to(&snug, |y| 1.0 - ramp(y, waist, waist + 0.07));
+        }
+        tube.soften(3);
+        tube
+    }
+
+    /// A straight cone that lies on the arm and hangs below it.
+    fn sleeve_tube(&self, stand: &Stand, side: Side) -> Tube {
+        let axis = self.sleeve_axis(stand, side);
+        let length = (self.sleeve_end(stand, side) - axis.origin).length();
+        let arm = &stand.map.arm[side.index()];
+        let mut tube = stand.tube(axis, (0.0, length + 0.03), |i| arm[i] >= 0.5);
+        let biceps = tube.largest_girth(0.55 * length, length) + self.sleeve_ease;
+        let last = tube.len() - 1;
+        let cuff = tube.girth(last) + self.cuff_ease;
+        tube.bridge(0.0, length + 0.03);
+        let ease = |t: f64, girth: f64| {
+            let want = biceps + (cuff - biceps) * t / length;
+            let full = ((want - girth) / TAU).max(ON_ARM);
+            ON_ARM + (full - ON_ARM) * ramp(t, -0.02, 0.06)
+        };
+        let hang: Vec<f64> = (0..tube.len())
+            .map(|i| ease(tube.at(i), tube.girth(i)))
+            .collect();
+        let (from, step) = (tube.at(0), tube.at(1) - tube.at(0));
+        tube.widen(ease);
+        let down = (-DVec3::Y + axis.along * axis.along.y).normalize_or_zero();
+        tube.shift(|t| down * (hang[((t - from) / step).round() as usize] - ON_ARM));
+        tube.soften(3);
+        tube
+    }
+
+    pub(crate) fn lay(&self, stand: &Stand, corners: [DVec3; 3], arm: [f64; 2]) -> Laid {
+        if arm[0].max(arm[1]) > 0.5 {
+            let side = if arm[0] > arm[1] {
+                Side::Left
+            } else {
+                Side::Right
+            };
+            return self.lay_sleeve(stand, side, corners);
+        }
+        let z = (stand.limbs[0].shoulder.z + stand.limbs[1].shoulder.z) / 2.0;
+        let middle = corners.iter().sum::<DVec3>() / 3.0;
+        let shoulder = stand.limbs[0].shoulder.y;
+        let at = |p: DVec3| {
+            shadow(
+                p,
+                DVec2::new(0.0, z),
+                1.0 - ramp(p.y, stand.armpit - 0.05, shoulder),
+            )
+        };
+        Laid {
+            panel: usize::from(middle.z < z),
+            corners: corners.map(at),
+        }
+    }
+
+    /// Unrolls a sleeve, open along the underarm.
+    fn lay_sleeve(&self, stand: &Stand, side: Side, corners: [DVec3; 3]) -> Laid {
+        let axis = Axis::new(
+            self.sleeve_axis(stand, side).origin,
+            self.sleeve_end(stand, side),
+            DVec3::Y,
+        );
+        let angle = |p: DVec3| {
+            let (_, u, w) = axis.coordinates(p);
+            w.atan2(u)
+        };
+        let middle = angle(corners.iter().sum::<DVec3>() / 3.0);
+        let at = |p: DVec3| {
+            let turns = ((middle - angle(p)) / TAU).round();
+            let along = axis.coordinates(p).0;
+            DVec2::new((angle(p) + TAU * turns) * 0.06, axis.origin.y - along)
+        };
+        Laid {
+            panel: 2 + side.index(),
+            corners: corners.map(at),
+        }
+    }
+}

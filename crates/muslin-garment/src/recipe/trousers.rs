@@ -1,0 +1,182 @@
+//! Trousers and shorts.
+
+use super::{Cut, FigureRange, Side, ramp, shadow};
+use crate::form::{Form, Part, Wall};
+use crate::pattern::Laid;
+use crate::sheet::Sheet;
+use crate::stand::Stand;
+use crate::tube::{Axis, Tube};
+use glam::{DVec2, DVec3};
+use std::f64::consts::TAU;
+
+/// Straight trousers, held at the waist. Lengths are those of the average body and grow with it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trousers {
+    /// Girth beyond the waist's [m].
+    pub waist_ease: f64,
+    /// Girth beyond the hips' [m].
+    pub hip_ease: f64,
+    /// Girth beyond the thigh's [m].
+    pub thigh_ease: f64,
+    /// Girth of the leg's end as a share of the thigh's.
+    pub taper: f64,
+    /// From crotch to waistband [m].
+    pub rise: f64,
+    /// Leg length: 1 ends at the ankle, 0.5 about the knee.
+    pub leg: f64,
+    /// Edge length of the triangles aimed at [m], 0.005 to 0.025.
+    pub edge: f64,
+}
+
+impl Default for Trousers {
+    fn default() -> Trousers {
+        Trousers::new(Cut::Regular)
+    }
+}
+
+/// Half the room between the legs [m].
+const BETWEEN: f64 = 0.0025;
+
+/// How far below the body's crotch the trousers' lies [m].
+const CROTCH_DROP: f64 = 0.012;
+
+/// Room around the leg where it is widest for the cut [m].
+const AT_LEAST: f64 = 0.005;
+
+impl Trousers {
+    /// Long trousers of this cut.
+    pub fn new(cut: Cut) -> Trousers {
+        let (hip, thigh, taper) = match cut {
+            Cut::Slim => (0.03, 0.03, 0.62),
+            Cut::Regular => (0.06, 0.07, 0.74),
+            Cut::Loose => (0.12, 0.13, 0.85),
+        };
+        Trousers {
+            waist_ease: 0.03,
+            hip_ease: hip,
+            thigh_ease: thigh,
+            taper,
+            rise: 0.24,
+            leg: 0.98,
+            edge: 0.013,
+        }
+    }
+
+    pub(crate) fn figures(&self) -> [FigureRange; 7] {
+        [
+            ("waist ease [m]", self.waist_ease, 0.0, 0.2),
+            ("hip ease [m]", self.hip_ease, 0.01, 0.5),
+            ("thigh ease [m]", self.thigh_ease, 0.02, 0.5),
+            ("taper", self.taper, 0.4, 1.3),
+            ("rise [m]", self.rise, 0.15, 0.3),
+            ("leg length", self.leg, 0.2, 1.0),
+            ("edge length [m]", self.edge, 0.005, 0.025),
+        ]
+    }
+
+    pub(crate) fn cut(&self, stand: &Stand, whole: Sheet) -> Sheet {
+        let v = stand.verts;
+        let (waist, hem) = (stand.crotch + self.rise, self.hem(stand));
+        whole
+            .cut(v, |p| waist - p.y)
+            .largest()
+            .cut(v, |p| p.y - hem)
+            .largest()
+    }
+
+    /// The height of the leg's end [m].
+    fn hem(&self, stand: &Stand) -> f64 {
+        let ankle = stand.limbs[0].ankle.y.max(stand.limbs[1].ankle.y);
+        stand.crotch + (ankle - stand.crotch) * self.leg
+    }
+
+    pub(crate) fn form<'a>(&self, stand: &'a Stand<'a>) -> Form<'a> {
+        let floor = Wall {
+            point: DVec3::Y * (stand.crotch - CROTCH_DROP),
+            out: -DVec3::Y,
+        };
+        let mut parts = vec![Part::tube(self.hips(stand), vec![floor])];
+        for side in [Side::Left, Side::Right] {
+            let inward = if side == Side::Left {
+                -DVec3::X
+            } else {
+                DVec3::X
+            };
+            let top = Wall {
+                point: DVec3::Y * (stand.crotch + 0.05),
+                out: DVec3::Y,
+            };
+            let inner = Wall {
+                point: -inward * BETWEEN,
+                out: inward,
+            };
+            parts.push(Part::tube(self.leg_tube(stand, side), vec![top, inner]));
+        }
+        parts.push(Part::Skin(&stand.skin, 0.004));
+        Form {
+            parts,
+            blend: 0.015,
+        }
+    }
+
+    /// Snug at the waist, straight over the hips.
+    fn hips(&self, stand: &Stand) -> Tube {
+        let scale = stand.trunk() / 0.35;
+        let (low, top) = (
+            stand.crotch - CROTCH_DROP,
+            stand.crotch + self.rise * scale + 0.05,
+        );
+        let mut tube = stand.trunk_tube(low, top);
+        tube.bridge(low, top);
+        let widest = (0..tube.len()).max_by(|&i, &j| tube.girth(i).total_cmp(&tube.girth(j)));
+        let (hip, waist) = (tube.at(widest.unwrap_or(0)), top - 0.05);
+        let (at_waist, at_hip) = (self.waist_ease / TAU, self.hip_ease / TAU);
+        tube.widen(|y, _| {
+            let t = if waist > hip + 0.02 {
+                ramp(y, hip, waist)
+            } else {
+                1.0
+            };
+            at_hip + (at_waist - at_hip) * t
+        });
+        tube.soften(3);
+        tube
+    }
+
+    /// A straight leg that narrows evenly.
+    fn leg_tube(&self, stand: &Stand, side: Side) -> Tube {
+        let limbs = &stand.limbs[side.index()];
+        let axis = Axis::new(limbs.hip, limbs.ankle, DVec3::Z);
+        let length = (limbs.ankle - limbs.hip).length();
+        let start = (limbs.hip.y - stand.crotch - 0.06).max(0.0);
+        let leg = &stand.map.leg[side.index()];
+        let mut tube = stand.tube(axis, (start, length), |i| leg[i] >= 0.5);
+        let crotch = limbs.hip.y - stand.crotch;
+        let thigh = tube.largest_girth(crotch + 0.02, length) + self.thigh_ease;
+        let hem = thigh * self.taper;
+        tube.bridge(start, length);
+        tube.widen(|t, girth| {
+            let s = ((t - crotch) / (length - crotch)).clamp(0.0, 1.0);
+            let full = ((thigh + (hem - thigh) * s - girth) / TAU).max(AT_LEAST);
+            AT_LEAST + (full - AT_LEAST) * ramp(t, start, crotch + 0.08)
+        });
+        tube.soften(3);
+        tube
+    }
+
+    pub(crate) fn lay(&self, stand: &Stand, corners: [DVec3; 3]) -> Laid {
+        let middle = corners.iter().sum::<DVec3>() / 3.0;
+        let side = Side::of(middle);
+        let limbs = &stand.limbs[side.index()];
+        let back = middle.z < limbs.hip.z;
+        let at = |p: DVec3| {
+            let t = (limbs.hip.y - p.y) / (limbs.hip.y - limbs.ankle.y);
+            let x = limbs.hip.x + (limbs.ankle.x - limbs.hip.x) * t.clamp(0.0, 1.0);
+            shadow(p, DVec2::new(x, limbs.hip.z), 1.0)
+        };
+        Laid {
+            panel: 2 * usize::from(back) + side.index(),
+            corners: corners.map(at),
+        }
+    }
+}

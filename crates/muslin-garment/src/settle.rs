@@ -1,0 +1,169 @@
+//! Settling: a garment's mesh slid evenly over its form.
+
+use crate::form::{Form, Near};
+use glam::DVec3;
+use muslin_geom::vertex_normals;
+use rayon::prelude::*;
+
+/// Who neighbours whom, and which vertices are on which rim.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Net {
+    pub faces: Vec<[u32; 3]>,
+    neighbours: Vec<Vec<u32>>,
+    /// Previous and next along the rim, and the rim's number.
+    rim: Vec<Option<([u32; 2], usize)>>,
+    /// The rims, each a closed loop of vertices.
+    pub loops: Vec<Vec<u32>>,
+}
+
+/// Where a rim has to stay.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Track {
+    /// In the plane through a point [m] across a unit direction.
+    Plane(DVec3, DVec3),
+    /// Where it is, apart from sliding along itself.
+    Free,
+}
+
+impl Net {
+    pub fn new(faces: Vec<[u32; 3]>, n_verts: usize) -> Net {
+        let mut neighbours = vec![Vec::new(); n_verts];
+        let mut half: Vec<(u32, u32)> = Vec::with_capacity(faces.len() * 3);
+        for f in &faces {
+            for k in 0..3 {
+                let (a, b) = (f[k], f[(k + 1) % 3]);
+                neighbours[a as usize].push(b);
+                neighbours[b as usize].push(a);
+                half.push((a, b));
+            }
+        }
+        for n in &mut neighbours {
+            n.sort_unstable();
+            n.dedup();
+        }
+        half.sort_unstable();
+        let open = half
+            .iter()
+            .filter(|(a, b)| half.binary_search(&(*b, *a)).is_err());
+        let loops = chains(open.copied().collect());
+        let mut rim = vec![None; n_verts];
+        for (l, ring) in loops.iter().enumerate() {
+            for (k, &i) in ring.iter().enumerate() {
+                let n = ring.len();
+                rim[i as usize] = Some(([ring[(k + n - 1) % n], ring[(k + 1) % n]], l));
+            }
+        }
+        Net {
+            faces,
+            neighbours,
+            rim,
+            loops,
+        }
+    }
+
+    /// Which vertices are on a rim.
+    pub fn on_rim(&self) -> Vec<bool> {
+        self.rim.iter().map(Option::is_some).collect()
+    }
+
+    /// Slides `x` [m] over `form` until the triangles are even, `times` times.
+    ///
+    /// `tracks` has one entry per loop.
+    pub fn settle(&self, form: &Form, x: &mut [DVec3], tracks: &[Track], times: usize) {
+        let mut near = vec![Near::default(); x.len()];
+        for round in 0..times + 3 {
+            let normals = vertex_normals(x, &self.faces);
+            let old = &*x;
+            let last = round >= times;
+            let mut new = old.to_vec();
+            new.par_iter_mut()
+                .zip(&mut near)
+                .enumerate()
+                .for_each(|(i, (p, near))| {
+                    if !last {
+                        *p += self.step(i, old, normals[i]);
+                    }
+                    let steps = if round < 2 || last { 8 } else { 1 };
+                    *p = match self.rim[i].map(|r| tracks[r.1]) {
+                        None => form.project(*p, steps, near),
+                        Some(Track::Free) => form.project(*p, steps, near),
+                        Some(Track::Plane(at, across)) => {
+                            let flat = *p - across * (*p - at).dot(across);
+                            form.project_within(flat, steps, near, |v| v - across * v.dot(across))
+                        }
+                    };
+                });
+            x.copy_from_slice(&new);
+        }
+    }
+
+    /// Towards the middle of the neighbours, without leaving the surface or the rim.
+    fn step(&self, i: usize, x: &[DVec3], normal: DVec3) -> DVec3 {
+        if let Some(([p, n], _)) = self.rim[i] {
+            let (p, n) = (x[p as usize], x[n as usize]);
+            let along = (n - p).normalize_or_zero();
+            return along * along.dot((p + n) * 0.5 - x[i]) * 0.6;
+        }
+        let ring = &self.neighbours[i];
+        let sum: DVec3 = ring.iter().map(|&j| x[j as usize]).sum();
+        let to = sum / ring.len().max(1) as f64 - x[i];
+        (to - normal * to.dot(normal)) * 0.6
+    }
+
+    /// Rounds off the rims that are not cut by a plane, without shrinking them.
+    ///
+    /// Taubin's two-step smoothing (1995) along each loop.
+    pub fn round_rims(&self, x: &mut [DVec3], times: usize) {
+        for ring in &self.loops {
+            for step in 0..2 * times {
+                let by = if step % 2 == 0 { 0.5 } else { -0.526 };
+                let old: Vec<DVec3> = ring.iter().map(|&i| x[i as usize]).collect();
+                let n = ring.len();
+                for (k, &i) in ring.iter().enumerate() {
+                    let middle = (old[(k + n - 1) % n] + old[(k + 1) % n]) * 0.5;
+                    x[i as usize] += (middle - old[k]) * by;
+                }
+            }
+        }
+    }
+}
+
+/// Joins directed edges into closed loops, in the order of their smallest vertex.
+fn chains(mut open: Vec<(u32, u32)>) -> Vec<Vec<u32>> {
+    open.sort_unstable();
+    let mut used = vec![false; open.len()];
+    let mut loops = Vec::new();
+    for start in 0..open.len() {
+        let (mut ring, mut at) = (Vec::new(), start);
+        while !used[at] {
+            used[at] = true;
+            ring.push(open[at].0);
+            match open.binary_search_by_key(&open[at].1, |e| e.0) {
+                Ok(next) => at = next,
+                Err(_) => break,
+            }
+        }
+        if !ring.is_empty() {
+            loops.push(ring);
+        }
+    }
+    loops
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_band_has_two_rims() {
+        let n = 8u32;
+        let mut faces = Vec::new();
+        for k in 0..n {
+            let (a, b) = (k, (k + 1) % n);
+            faces.extend([[a, b, b + n], [a, b + n, a + n]]);
+        }
+        let net = Net::new(faces, 2 * n as usize);
+        assert_eq!(net.loops.iter().map(Vec::len).collect::<Vec<_>>(), [8, 8]);
+        assert!(net.on_rim().iter().all(|r| *r));
+    }
+}
