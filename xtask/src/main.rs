@@ -4,6 +4,9 @@
 //! under `assets/`; `check` compares against other people's programs in throw-away environments.
 
 mod assets_body;
+mod assets_pose;
+mod check_body;
+mod check_gltf;
 mod ci;
 mod sha256;
 mod walls;
@@ -34,6 +37,9 @@ fn run(words: &[&str]) -> Outcome {
         ["ci"] => ci::run(),
         ["walls"] => walls::check(),
         ["assets", "body", rest @ ..] => assets_body::build(rest.first().copied()),
+        ["assets", "pose", rest @ ..] => assets_pose::build(rest.first().copied()),
+        ["check", "body", rest @ ..] => check_body::run(rest),
+        ["check", "gltf", rest @ ..] => check_gltf::run(rest),
         _ => Err(USAGE.to_owned()),
     }
 }

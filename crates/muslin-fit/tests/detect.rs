@@ -1,0 +1,1 @@
+/work/main/crates/muslin-fit/tests/detect.rs
