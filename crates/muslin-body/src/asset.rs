@@ -16,7 +16,7 @@ use glam::DVec3;
 /// Steps of the mean body [m].
 const MEAN_STEP: f64 = 1e-6;
 /// Steps of the shape modes [m]; a mode's weight has unit variance among adults.
-const MODE_STEP: f64 = 12e-6;
+const MODE_STEP: f64 = 11e-6;
 /// Steps of the sliders [m].
 const TARGET_STEP: f64 = 20e-6;
 /// How far rounding of the blend may move a point by one term [m].
@@ -35,7 +35,7 @@ const LARGEST: usize = 128 << 20;
 pub fn encode(parts: &AvatarParts) -> Vec<u8> {
     let mut w = Writer::default();
     put_topology(&mut w, parts);
-    let mesh = Mesh::new(parts.mean.len(), &parts.quads);
+    let mesh = Mesh::new(parts.mean.len(), parts.counts.total(), &parts.quads);
     put_mean(&mut w, parts, &mesh);
     let mesh = mesh.with_places(&rounded(parts));
     put_rig(&mut w, parts, &mesh);
@@ -51,7 +51,7 @@ pub fn decode(packed: &[u8]) -> Result<AvatarParts, BodyError> {
     let mut r = Reader::new(&raw);
     let mut parts = AvatarParts::default();
     let n_points = get_topology(&mut r, &mut parts)?;
-    let mesh = Mesh::new(n_points, &parts.quads);
+    let mesh = Mesh::new(n_points, parts.counts.total(), &parts.quads);
     get_mean(&mut r, &mut parts, &mesh)?;
     let mesh = mesh.with_places(&rounded(&parts));
     get_rig(&mut r, &mut parts, &mesh)?;
@@ -230,15 +230,8 @@ fn get_sparse(r: &mut Reader, order: &[usize]) -> Result<Sparse, BodyError> {
 fn put_modes(w: &mut Writer, parts: &AvatarParts, mesh: &Mesh) {
     w.number(parts.blend.n_modes() as u32);
     for mode in parts.modes.as_chunks().0.chunks(parts.mean.len()) {
-        mesh.put(w, &steps_of(mode, MODE_STEP));
+        mesh.put(w, &mesh.in_steps(mode, MODE_STEP));
     }
-}
-
-fn steps_of(moves: &[[f32; 3]], step: f64) -> Vec<[i32; 3]> {
-    moves
-        .iter()
-        .map(|d| d.map(|x| (f64::from(x) / step).round() as i32))
-        .collect()
 }
 
 fn get_modes(r: &mut Reader, parts: &mut AvatarParts, mesh: &Mesh) -> Result<(), BodyError> {
@@ -249,12 +242,8 @@ fn get_modes(r: &mut Reader, parts: &mut AvatarParts, mesh: &Mesh) -> Result<(),
     parts.modes.reserve_exact(3 * n * parts.mean.len());
     for _ in 0..n {
         let moves = mesh.get(r)?;
-        parts.modes.extend(
-            moves
-                .iter()
-                .flatten()
-                .map(|&q| (f64::from(q) * MODE_STEP) as f32),
-        );
+        let moves = moves.into_iter().enumerate();
+        parts.modes.extend(moves.flat_map(|(i, q)| mesh.metres(i, q, MODE_STEP)));
     }
     parts.blend.bias = vec![0.0; n];
     Ok(())

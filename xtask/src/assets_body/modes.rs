@@ -14,13 +14,20 @@ use muslin_body::Blend;
 const SMALLEST: f64 = 2.0e-6;
 
 /// Never more modes than this.
-const MOST: usize = 128;
+const MOST: usize = 168;
+
+/// How much more an anchor counts than a vertex.
+const ANCHOR: f64 = 20.0;
 
 /// How many adults the covariance is taken over.
 const ADULTS: usize = 6000;
 
 /// The mean's points, the modes, and the matrix from terms to mode weights.
-pub fn principal(template: &[DVec3], terms: &[Term]) -> (Vec<DVec3>, Vec<f32>, Blend) {
+pub fn principal(
+    template: &[DVec3],
+    n_verts: usize,
+    terms: &[Term],
+) -> (Vec<DVec3>, Vec<f32>, Blend) {
     let n = terms.len();
     let mut blend = Blend {
         terms: terms.iter().map(|t| t.tags.clone()).collect(),
@@ -28,7 +35,7 @@ pub fn principal(template: &[DVec3], terms: &[Term]) -> (Vec<DVec3>, Vec<f32>, B
     };
     let (mean_c, covariance) = population(&blend);
     let root = eigen::symmetric(covariance, n).root();
-    let gram = gram(terms);
+    let gram = gram(terms, 3 * n_verts);
     let sg = product(&root, &gram, n);
     let found = eigen::symmetric(product(&sg, &root, n), n);
     let kept = found
@@ -122,14 +129,21 @@ impl Random {
     }
 }
 
-fn gram(terms: &[Term]) -> Vec<f64> {
+/// `T Tᵀ`, where the anchors (beyond the first `n` coordinates) count [`ANCHOR`] times.
+///
+/// Where a joint is off, everything beyond it turns about the wrong point.
+fn gram(terms: &[Term], n_coordinates: usize) -> Vec<f64> {
+    let dot = |a: &[f32], b: &[f32]| {
+        let (a, b) = (a.split_at(n_coordinates), b.split_at(n_coordinates));
+        dot(a.0, b.0) + ANCHOR * dot(a.1, b.1)
+    };
     let n = terms.len();
     let mut g = vec![0.0; n * n];
     for i in 0..n {
         for j in 0..=i {
-            let dot = dot(&terms[i].moves, &terms[j].moves);
-            g[i * n + j] = dot;
-            g[j * n + i] = dot;
+            let both = dot(&terms[i].moves, &terms[j].moves);
+            g[i * n + j] = both;
+            g[j * n + i] = both;
         }
     }
     g

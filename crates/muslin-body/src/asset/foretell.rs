@@ -13,15 +13,21 @@ pub struct Mesh {
     rank: Vec<u32>,
     /// Where the sources of `order[i]` start in `sources`.
     starts: Vec<u32>,
-    /// (point, +1 or −1)
+    /// (point, how often it counts)
     sources: Vec<(u32, i32)>,
     /// What the sum over the sources is divided by; 0 without sources.
     share: Vec<i32>,
+    n_verts: usize,
 }
 
+/// How many times finer the steps of anchors are than those of vertices.
+///
+/// Where a joint is off, everything beyond it turns about the wrong point; anchors are few.
+const FINER: i32 = 16;
+
 impl Mesh {
-    /// Points that the quads connect, then all others.
-    pub fn new(n_points: usize, quads: &[[u32; 4]]) -> Self {
+    /// Points that the quads connect, then all others; those beyond `n_verts` are anchors.
+    pub fn new(n_points: usize, n_verts: usize, quads: &[[u32; 4]]) -> Self {
         let around = around(n_points, quads);
         let order = breadth_first(&around, quads);
         let mut rank = vec![0; n_points];
@@ -35,6 +41,7 @@ impl Mesh {
             starts: vec![0],
             sources: Vec::new(),
             share: Vec::new(),
+            n_verts,
         };
         for k in 0..n_points {
             let i = mesh.order[k] as usize;
@@ -51,6 +58,7 @@ impl Mesh {
             starts,
             sources,
             share,
+            n_verts,
         } = self;
         let mut mesh = Self {
             order,
@@ -58,11 +66,13 @@ impl Mesh {
             starts: vec![0],
             sources: Vec::new(),
             share: Vec::new(),
+            n_verts,
         };
         for (k, s) in share.into_iter().enumerate() {
             if s == 0 && k > 0 {
                 let near = nearest(mesh.order[k], &mesh.order[..k], places);
-                mesh.sources.push((near, 1));
+                let scale = mesh.steps(mesh.order[k]) / mesh.steps(near);
+                mesh.sources.push((near, scale.max(1)));
                 mesh.share.push(1);
             } else {
                 mesh.sources
@@ -97,6 +107,31 @@ impl Mesh {
             self.sources.extend(whole.into_iter().flatten());
         }
         self.starts.push(self.sources.len() as u32);
+    }
+
+    /// How many of a point's own steps make one step of a vertex.
+    fn steps(&self, i: u32) -> i32 {
+        if (i as usize) < self.n_verts {
+            1
+        } else {
+            FINER
+        }
+    }
+
+    /// Moves [m] of all points in steps; a vertex's is `step`.
+    pub fn in_steps(&self, moves: &[[f32; 3]], step: f64) -> Vec<[i32; 3]> {
+        let one = |(i, d): (usize, &[f32; 3])| self.round(i as u32, d, step);
+        moves.iter().enumerate().map(one).collect()
+    }
+
+    fn round(&self, i: u32, d: &[f32; 3], step: f64) -> [i32; 3] {
+        d.map(|x| (f64::from(x) / step * f64::from(self.steps(i))).round() as i32)
+    }
+
+    /// The move [m] of point `i` that is `q` of its steps.
+    pub fn metres(&self, i: usize, q: [i32; 3], step: f64) -> [f32; 3] {
+        let own = step / f64::from(self.steps(i as u32));
+        q.map(|q| (f64::from(q) * own) as f32)
     }
 
     /// The points as they are visited.
@@ -152,7 +187,7 @@ impl Mesh {
     pub fn put_some(&self, w: &mut Writer, moves: &[(u32, [f32; 3])], step: f64) {
         let mut values = vec![[0; 3]; self.order.len()];
         for (i, d) in moves {
-            values[*i as usize] = d.map(|x| (f64::from(x) / step).round() as i32);
+            values[*i as usize] = self.round(*i, d, step);
         }
         let some: Vec<usize> = (0..self.order.len())
             .filter(|&k| values[self.order[k] as usize] != [0; 3])
@@ -186,7 +221,7 @@ impl Mesh {
             let (i, guess) = (self.order[k], self.guess(k, known));
             let value = [0, 1, 2].map(|c| guess[c].wrapping_add(off[c][n]));
             known[i as usize] = value;
-            moves.push((i, value.map(|q| (f64::from(q) * step) as f32)));
+            moves.push((i, self.metres(i as usize, value, step)));
         }
         moves.iter().for_each(|m| known[m.0 as usize] = [0; 3]);
         moves.sort_unstable_by_key(|m| m.0);
@@ -263,7 +298,7 @@ mod tests {
     #[test]
     fn values_come_back_and_planes_cost_nothing() {
         let places: Vec<[i32; 3]> = (0..10).map(|i| [i / 2 * 100, i % 2 * 70, 5]).collect();
-        let mesh = Mesh::new(10, &strip()).with_places(&places);
+        let mesh = Mesh::new(10, 9, &strip()).with_places(&places);
         let mut w = Writer::default();
         mesh.put(&mut w, &places);
         let packed = super::super::bytes::pack(b"12345678", 1, w);
@@ -276,7 +311,7 @@ mod tests {
     #[test]
     fn a_sparse_move_comes_back_by_point() {
         let places: Vec<[i32; 3]> = (0..10).map(|i| [i, 0, 0]).collect();
-        let mesh = Mesh::new(10, &strip()).with_places(&places);
+        let mesh = Mesh::new(10, 9, &strip()).with_places(&places);
         let moves = vec![
             (1, [0.25, 0.0, -0.5]),
             (6, [0.0, 0.125, 0.0]),
