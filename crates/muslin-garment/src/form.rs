@@ -4,13 +4,30 @@ use crate::tube::Tube;
 use glam::DVec3;
 use muslin_geom::{Closest, Surface};
 
-/// A half space that a part is cut off by.
+/// What a part is cut off by.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Wall {
-    /// A point on it [m].
-    pub point: DVec3,
-    /// Unit normal, out of the part.
-    pub out: DVec3,
+pub(crate) enum Wall {
+    /// A plane through a point [m], with the unit normal out of the part.
+    Plane(DVec3, DVec3),
+    /// A floor that is lowest at a point [m] and rises before and behind it (±Z), like a saddle:
+    /// the radius of its curve [m].
+    Saddle(DVec3, f64),
+}
+
+impl Wall {
+    /// How far `p` is beyond [m], and the direction that grows.
+    fn beyond(&self, p: DVec3) -> (f64, DVec3) {
+        match *self {
+            Wall::Plane(point, out) => ((p - point).dot(out), out),
+            Wall::Saddle(low, radius) => {
+                let z = (p.z - low.z).clamp(-radius, radius);
+                let slope = z / radius;
+                let g = DVec3::new(0.0, -1.0, slope);
+                let steep = g.length();
+                ((low.y + 0.5 * z * slope - p.y) / steep, g / steep)
+            }
+        }
+    }
 }
 
 /// One solid of a form.
@@ -66,7 +83,7 @@ impl Part<'_> {
                 if u * u + w * w > bound * bound {
                     return None;
                 }
-                let cut = walls.iter().map(|w| ((p - w.point).dot(w.out), w.out));
+                let cut = walls.iter().map(|w| w.beyond(p));
                 Some(cut.fold(tube.distance(p), |a, b| if b.0 > a.0 { b } else { a }))
             }
             Part::Skin(surface, gap) => {

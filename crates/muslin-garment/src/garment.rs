@@ -53,7 +53,7 @@ pub struct Worn {
 }
 
 /// Slides of the mesh over its form when it is made, and when it is put on.
-const SETTLE: usize = 60;
+const SETTLE: usize = 50;
 
 /// Room between two layers of cloth [m].
 const BETWEEN_LAYERS: f64 = 0.004;

@@ -2,7 +2,6 @@
 
 use crate::form::{Form, Near};
 use glam::DVec3;
-use muslin_geom::vertex_normals;
 use rayon::prelude::*;
 
 /// Who neighbours whom, and which vertices are on which rim.
@@ -72,7 +71,6 @@ impl Net {
     pub fn settle(&self, form: &Form, x: &mut [DVec3], tracks: &[Track], times: usize) {
         let mut near = vec![Near::default(); x.len()];
         for round in 0..times + 3 {
-            let normals = vertex_normals(x, &self.faces);
             let old = &*x;
             let last = round >= times;
             let mut new = old.to_vec();
@@ -81,7 +79,7 @@ impl Net {
                 .enumerate()
                 .for_each(|(i, (p, near))| {
                     if !last {
-                        *p += self.step(i, old, normals[i]);
+                        *p += self.step(i, old);
                     }
                     let steps = if round < 2 || last { 8 } else { 1 };
                     *p = match self.rim[i].map(|r| tracks[r.1]) {
@@ -97,17 +95,19 @@ impl Net {
         }
     }
 
-    /// Towards the middle of the neighbours, without leaving the surface or the rim.
-    fn step(&self, i: usize, x: &[DVec3], normal: DVec3) -> DVec3 {
+    /// Towards the middle of the neighbours; on a rim, along it.
+    ///
+    /// Steps across the surface are left in: projection undoes them where the mesh lies well,
+    /// and where a fold of the body has squeezed it they are what opens it.
+    fn step(&self, i: usize, x: &[DVec3]) -> DVec3 {
         if let Some(([p, n], _)) = self.rim[i] {
             let (p, n) = (x[p as usize], x[n as usize]);
             let along = (n - p).normalize_or_zero();
-            return along * along.dot((p + n) * 0.5 - x[i]) * 0.6;
+            return along * along.dot((p + n) * 0.5 - x[i]) * 0.7;
         }
         let ring = &self.neighbours[i];
         let sum: DVec3 = ring.iter().map(|&j| x[j as usize]).sum();
-        let to = sum / ring.len().max(1) as f64 - x[i];
-        (to - normal * to.dot(normal)) * 0.6
+        (sum / ring.len().max(1) as f64 - x[i]) * 0.8
     }
 
     /// Rounds off the rims that are not cut by a plane, without shrinking them.

@@ -25,6 +25,8 @@ pub(crate) struct BodyMap {
     crotch: u32,
     /// The lowest vertex of the tights between each arm and the trunk.
     armpit: [u32; 2],
+    /// From crotch to armpits on the default body [m].
+    trunk: f64,
 }
 
 /// Joints of one side [m].
@@ -43,8 +45,8 @@ pub(crate) struct Stand<'a> {
     pub verts: &'a [DVec3],
     pub skin: Surface,
     pub limbs: [Limbs; 2],
-    /// Height of the crotch [m].
-    pub crotch: f64,
+    /// The lowest place of the trunk, between the legs [m].
+    pub crotch: DVec3,
     /// Height of the armpits [m].
     pub armpit: f64,
 }
@@ -81,6 +83,8 @@ impl BodyMap {
         let crotch = lowest(&|i| base.verts[i].x.abs() < 0.002)?;
         let pit = |s: usize| lowest(&|i| (0.25..0.75).contains(&arm[s][i]));
         let armpit = [pit(0)?, pit(1)?];
+        let y = |i: u32| base.verts[i as usize].y;
+        let trunk = (y(armpit[0]) + y(armpit[1])) / 2.0 - y(crotch);
         Ok(BodyMap {
             edges: edges(&tights),
             leg: SIDES.map(|s| share(&LEG, s)),
@@ -90,6 +94,7 @@ impl BodyMap {
             joints,
             crotch,
             armpit,
+            trunk,
         })
     }
 }
@@ -133,7 +138,7 @@ impl<'a> Stand<'a> {
         Stand {
             skin: Surface::new(verts, &map.collision),
             limbs,
-            crotch: y(map.crotch),
+            crotch: verts[map.crotch as usize],
             armpit: (y(map.armpit[0]) + y(map.armpit[1])) / 2.0,
             map,
             verts,
@@ -142,7 +147,12 @@ impl<'a> Stand<'a> {
 
     /// The height from crotch to armpit [m]: the scale of the trunk.
     pub fn trunk(&self) -> f64 {
-        self.armpit - self.crotch
+        self.armpit - self.crotch.y
+    }
+
+    /// How much longer the trunk is than the default body's.
+    pub fn scale(&self) -> f64 {
+        self.trunk() / self.map.trunk
     }
 
     /// Slices of the tights where `keep` holds at both ends of an edge.

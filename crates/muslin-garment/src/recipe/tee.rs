@@ -35,6 +35,9 @@ pub struct Tee {
 /// Room above the arm, where the sleeve lies on it [m].
 const ON_ARM: f64 = 0.005;
 
+/// Height of the neckline's back above the middle of the leaning neck [m].
+const NAPE: f64 = -0.022;
+
 impl Default for Tee {
     fn default() -> Tee {
         Tee::new(Cut::Regular)
@@ -94,7 +97,7 @@ impl Tee {
 
     pub(crate) fn cut(&self, stand: &Stand, whole: Sheet) -> Sheet {
         let v = stand.verts;
-        let floor = stand.crotch + self.hem;
+        let floor = stand.crotch.y + self.hem;
         let mut sheet = whole.cut(v, |p| p.y - floor);
         for side in [Side::Left, Side::Right] {
             sheet = sheet.cut(v, |p| self.before_cuff(stand, side, p));
@@ -120,15 +123,23 @@ impl Tee {
     /// Positive outside a leaning elliptical cylinder around the neck.
     fn outside_neck(&self, stand: &Stand, p: DVec3) -> f64 {
         let [l, r] = stand.limbs;
-        let middle = (l.shoulder + r.shoulder) / 2.0 + DVec3::new(0.0, 0.05, 0.0);
-        let up = DVec3::new(0.0, 0.9, 0.43).normalize();
-        let forward = DVec3::X.cross(up);
+        let middle = (l.shoulder + r.shoulder) / 2.0 + DVec3::new(0.0, 0.06, 0.0);
+        let lean = DVec3::new(0.0, 0.94, 0.34).normalize();
         let d = p - middle;
         let half = 0.066 + self.neck_width;
-        let (x, z) = (d.x, d.dot(forward));
-        let deep = half - 0.006 + if z > 0.0 { self.neck_depth } else { 0.0 };
+        let (x, z) = (d.x, d.dot(DVec3::X.cross(lean)));
+        let deep = half
+            + if z > 0.0 {
+                self.neck_depth - 0.025
+            } else {
+                0.0
+            };
         let ring = ((x / half).powi(2) + (z / deep).powi(2)).sqrt() - 1.0;
-        ring.max(-(d.dot(up) + 0.06) * 10.0)
+        let slope = DVec3::new(0.0, 0.827, 0.562);
+        let below = (NAPE - d.dot(slope)) / half;
+        // The greater of the two, with a rounded corner.
+        let h = (1.0 - (ring - below).abs() / 0.8).max(0.0);
+        ring.max(below) + h * h * 0.2
     }
 
     /// What the shirt is cut on; `tuck` is the height [m] of a waistband it is tucked into.
@@ -136,10 +147,7 @@ impl Tee {
         let mut parts = vec![Part::tube(self.trunk(stand, tuck), vec![])];
         for side in [Side::Left, Side::Right] {
             let sleeve = self.sleeve_tube(stand, side);
-            let end = Wall {
-                point: sleeve.axis.origin,
-                out: -sleeve.axis.along,
-            };
+            let end = Wall::Plane(sleeve.axis.origin, -sleeve.axis.along);
             parts.push(Part::tube(sleeve, vec![end]));
         }
         parts.push(Part::Skin(&stand.skin, 0.004));
@@ -149,13 +157,13 @@ impl Tee {
     /// Straight down from chest and shoulder blades, straight up to the neck.
     fn trunk(&self, stand: &Stand, tuck: Option<f64>) -> Tube {
         let shoulder = (stand.limbs[0].shoulder.y + stand.limbs[1].shoulder.y) / 2.0;
-        let low = stand.crotch + self.hem - 0.03;
+        let low = stand.crotch.y + self.hem - 0.03;
         let top = shoulder + 0.3 * stand.trunk();
         let pit = stand.armpit;
         let mut tube = stand.trunk_tube(low, top);
         let mut snug = tube.clone();
         let chest = tube.largest_girth(pit - 0.35 * stand.trunk(), pit) + self.chest_ease;
-        let hips = tube.largest_girth(low, stand.crotch + 0.5 * stand.trunk()) + self.hem_ease;
+        let hips = tube.largest_girth(low, stand.crotch.y + 0.5 * stand.trunk()) + self.hem_ease;
         let hem = chest.max(hips);
         tube.drop_to(0, low, pit);
         tube.bridge(low, shoulder + 0.12 * stand.trunk());

@@ -76,7 +76,7 @@ impl Trousers {
 
     pub(crate) fn cut(&self, stand: &Stand, whole: Sheet) -> Sheet {
         let v = stand.verts;
-        let (waist, hem) = (stand.crotch + self.rise, self.hem(stand));
+        let (waist, hem) = (stand.crotch.y + self.rise, self.hem(stand));
         whole
             .cut(v, |p| waist - p.y)
             .largest()
@@ -87,29 +87,20 @@ impl Trousers {
     /// The height of the leg's end [m].
     fn hem(&self, stand: &Stand) -> f64 {
         let ankle = stand.limbs[0].ankle.y.max(stand.limbs[1].ankle.y);
-        stand.crotch + (ankle - stand.crotch) * self.leg
+        stand.crotch.y + (ankle - stand.crotch.y) * self.leg
     }
 
     pub(crate) fn form<'a>(&self, stand: &'a Stand<'a>) -> Form<'a> {
-        let floor = Wall {
-            point: DVec3::Y * (stand.crotch - CROTCH_DROP),
-            out: -DVec3::Y,
-        };
-        let mut parts = vec![Part::tube(self.hips(stand), vec![floor])];
+        let seam = DVec3::new(0.0, stand.crotch.y - CROTCH_DROP, stand.crotch.z);
+        let mut parts = vec![Part::tube(self.hips(stand), vec![Wall::Saddle(seam, 0.1)])];
         for side in [Side::Left, Side::Right] {
             let inward = if side == Side::Left {
                 -DVec3::X
             } else {
                 DVec3::X
             };
-            let top = Wall {
-                point: DVec3::Y * (stand.crotch + 0.05),
-                out: DVec3::Y,
-            };
-            let inner = Wall {
-                point: -inward * BETWEEN,
-                out: inward,
-            };
+            let top = Wall::Plane(DVec3::Y * (stand.crotch.y + 0.09), DVec3::Y);
+            let inner = Wall::Plane(-inward * BETWEEN, inward);
             parts.push(Part::tube(self.leg_tube(stand, side), vec![top, inner]));
         }
         parts.push(Part::Skin(&stand.skin, 0.004));
@@ -121,15 +112,14 @@ impl Trousers {
 
     /// Snug at the waist, straight over the hips.
     fn hips(&self, stand: &Stand) -> Tube {
-        let scale = stand.trunk() / 0.35;
         let (low, top) = (
-            stand.crotch - CROTCH_DROP,
-            stand.crotch + self.rise * scale + 0.05,
+            stand.crotch.y - CROTCH_DROP,
+            stand.crotch.y + self.rise * stand.scale() + 0.04,
         );
         let mut tube = stand.trunk_tube(low, top);
         tube.bridge(low, top);
         let widest = (0..tube.len()).max_by(|&i, &j| tube.girth(i).total_cmp(&tube.girth(j)));
-        let (hip, waist) = (tube.at(widest.unwrap_or(0)), top - 0.05);
+        let (hip, waist) = (tube.at(widest.unwrap_or(0)), top - 0.04);
         let (at_waist, at_hip) = (self.waist_ease / TAU, self.hip_ease / TAU);
         tube.widen(|y, _| {
             let t = if waist > hip + 0.02 {
@@ -148,17 +138,20 @@ impl Trousers {
         let limbs = &stand.limbs[side.index()];
         let axis = Axis::new(limbs.hip, limbs.ankle, DVec3::Z);
         let length = (limbs.ankle - limbs.hip).length();
-        let start = (limbs.hip.y - stand.crotch - 0.06).max(0.0);
-        let leg = &stand.map.leg[side.index()];
-        let mut tube = stand.tube(axis, (start, length), |i| leg[i] >= 0.5);
-        let crotch = limbs.hip.y - stand.crotch;
+        let start = (limbs.hip.y - stand.crotch.y - 0.1).max(0.0);
+        let sign = if side == Side::Left { 1.0 } else { -1.0 };
+        let [l, r] = &stand.map.arm;
+        let mine = |i: usize| stand.verts[i].x * sign > -0.001 && l[i] + r[i] < 0.5;
+        let mut tube = stand.tube(axis, (start, length), mine);
+        let crotch = limbs.hip.y - stand.crotch.y;
         let thigh = tube.largest_girth(crotch + 0.02, length) + self.thigh_ease;
         let hem = thigh * self.taper;
+        let at_hip = self.hip_ease / TAU;
         tube.bridge(start, length);
         tube.widen(|t, girth| {
             let s = ((t - crotch) / (length - crotch)).clamp(0.0, 1.0);
             let full = ((thigh + (hem - thigh) * s - girth) / TAU).max(AT_LEAST);
-            AT_LEAST + (full - AT_LEAST) * ramp(t, start, crotch + 0.08)
+            at_hip + (full - at_hip) * ramp(t, crotch - 0.05, crotch + 0.08)
         });
         tube.soften(3);
         tube

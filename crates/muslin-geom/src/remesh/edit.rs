@@ -225,8 +225,7 @@ impl<'a> Sheet<'a> {
     /// Turns every inner edge that `gains`, as long as the surface stays unfolded.
     fn flip(&mut self, gains: impl Fn(&[DVec3], [u32; 2], [u32; 2]) -> bool) {
         let all = edges(&self.faces);
-        let mut known: Vec<[u32; 2]> = all.iter().map(|e| e.ends).collect();
-        known.sort_unstable();
+        let known: Vec<[u32; 2]> = all.iter().map(|e| e.ends).collect();
         let mut locked = vec![false; self.x.len()];
         for e in all.iter().filter(|e| e.faces[1] != NONE) {
             let [a, b] = e.ends;
@@ -340,22 +339,21 @@ fn tip(f: [u32; 3], ends: [u32; 2]) -> u32 {
         .expect("a face has a third corner")
 }
 
-/// Every edge once, in the order the faces name them.
+/// Every edge once, in ascending order.
 fn edges(faces: &[[u32; 3]]) -> Vec<Edge> {
-    let mut index: HashMap<[u32; 2], usize> = HashMap::with_capacity(faces.len() * 2);
-    let mut all: Vec<Edge> = Vec::with_capacity(faces.len() * 2);
+    let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(faces.len() * 3);
     for (t, f) in faces.iter().enumerate() {
-        for k in 0..3 {
-            let ends = key(f[k], f[(k + 1) % 3]);
-            let i = *index.entry(ends).or_insert(all.len());
-            if i == all.len() {
-                all.push(Edge {
-                    ends,
-                    faces: [t as u32, NONE],
-                });
-            } else {
-                all[i].faces[1] = t as u32;
-            }
+        sides.extend((0..3).map(|k| (key(f[k], f[(k + 1) % 3]), t as u32)));
+    }
+    sides.sort_unstable();
+    let mut all: Vec<Edge> = Vec::with_capacity(sides.len() / 2 + 1);
+    for (ends, face) in sides {
+        match all.last_mut() {
+            Some(e) if e.ends == ends => e.faces[1] = face,
+            _ => all.push(Edge {
+                ends,
+                faces: [face, NONE],
+            }),
         }
     }
     all
