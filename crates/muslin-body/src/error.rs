@@ -22,6 +22,14 @@ pub enum BodyError {
         /// Names that exist, the most alike first.
         nearest: Vec<String>,
     },
+    /// No built-in stance has this name.
+    #[error("no pose is called {name:?}; near it: {}", nearest.join(", "))]
+    UnknownStance {
+        /// The name that was asked for.
+        name: String,
+        /// Names that exist, the most alike first.
+        nearest: Vec<String>,
+    },
     /// No bone has this name.
     #[error("no bone is called {name:?}; near it: {}", nearest.join(", "))]
     UnknownBone {

@@ -32,6 +32,7 @@ mod rig;
 mod shape;
 mod solve;
 mod sparse;
+mod stances;
 
 pub use asset::{decode, encode};
 pub use avatar::{Avatar, AvatarParts, Part, PartCounts, Target, Unwelded};

@@ -11,14 +11,22 @@ use crate::{Avatar, BodyError, Figure, Pose, names};
 /// A limb (first and last bone) and where it points.
 type Aim = (&'static str, &'static str, [f64; 3]);
 
-const UPPER_ARM: [(&str, &str); 2] =
-    [("upperarm01.L", "upperarm02.L"), ("upperarm01.R", "upperarm02.R")];
-const FOREARM: [(&str, &str); 2] =
-    [("lowerarm01.L", "lowerarm02.L"), ("lowerarm01.R", "lowerarm02.R")];
-const THIGH: [(&str, &str); 2] =
-    [("upperleg01.L", "upperleg02.L"), ("upperleg01.R", "upperleg02.R")];
-const SHIN: [(&str, &str); 2] =
-    [("lowerleg01.L", "lowerleg02.L"), ("lowerleg01.R", "lowerleg02.R")];
+const UPPER_ARM: [(&str, &str); 2] = [
+    ("upperarm01.L", "upperarm02.L"),
+    ("upperarm01.R", "upperarm02.R"),
+];
+const FOREARM: [(&str, &str); 2] = [
+    ("lowerarm01.L", "lowerarm02.L"),
+    ("lowerarm01.R", "lowerarm02.R"),
+];
+const THIGH: [(&str, &str); 2] = [
+    ("upperleg01.L", "upperleg02.L"),
+    ("upperleg01.R", "upperleg02.R"),
+];
+const SHIN: [(&str, &str); 2] = [
+    ("lowerleg01.L", "lowerleg02.L"),
+    ("lowerleg01.R", "lowerleg02.R"),
+];
 
 /// Where upper arms, forearms, thighs and shins point; left, then right, seen from the body.
 struct Stance {
@@ -132,10 +140,14 @@ impl Pose {
 
     /// The built-in stance called `name`, on this figure.
     pub fn stance(avatar: &Avatar, figure: &Figure, name: &str) -> Result<Pose, BodyError> {
-        let stance = STANCES.iter().find(|s| s.name == name).ok_or_else(|| BodyError::UnknownStance {
-            name: name.to_owned(),
-            nearest: names::nearest(name, STANCES.iter().map(|s| s.name)),
-        })?;
+        let stance =
+            STANCES
+                .iter()
+                .find(|s| s.name == name)
+                .ok_or_else(|| BodyError::UnknownStance {
+                    name: name.to_owned(),
+                    nearest: names::nearest(name, STANCES.iter().map(|s| s.name)),
+                })?;
         let mut pose = Pose::rest(avatar);
         for bone in ["spine05", "spine04", "spine03", "spine02", "spine01"] {
             let lean = DQuat::from_rotation_x((stance.lean / 5.0).to_radians());
@@ -168,9 +180,9 @@ impl Pose {
             return Ok(());
         }
         let turn = DQuat::from_rotation_arc(along, wanted);
-        let parent = rig.bones[b].parent.map_or(DQuat::IDENTITY, |p| {
-            DQuat::from_mat3(&world[p].matrix3)
-        });
+        let parent = rig.bones[b]
+            .parent
+            .map_or(DQuat::IDENTITY, |p| DQuat::from_mat3(&world[p].matrix3));
         self.rotations[b] = (parent.inverse() * turn * parent * self.rotations[b]).normalize();
         Ok(())
     }
@@ -191,7 +203,9 @@ mod tests {
     fn limbs_point_where_the_stance_says_on_any_shape() {
         let avatar = Avatar::embedded().expect("the embedded body decodes");
         for gender in [0.0, 1.0] {
-            let shape = Shape::default().with("gender", gender).expect("a known phenotype");
+            let shape = Shape::default()
+                .with("gender", gender)
+                .expect("a known phenotype");
             let figure = avatar.figure(&shape).expect("an adult");
             for stance in &STANCES {
                 let pose = Pose::stance(&avatar, &figure, stance.name).expect("built in");
@@ -201,7 +215,9 @@ mod tests {
                     let e = avatar.rig().bone(last).expect("a bone");
                     let head = world[b].transform_point3(figure.joints[b]);
                     let tail = world[e].transform_point3(figure.tails[e]);
-                    let cos = (tail - head).normalize().dot(DVec3::from_array(to).normalize());
+                    let cos = (tail - head)
+                        .normalize()
+                        .dot(DVec3::from_array(to).normalize());
                     assert!(cos > 1.0 - 1e-9, "{} {first} {cos}", stance.name);
                 }
             }

@@ -1,2 +1,14 @@
-//! The command line: a thin door.
-fn main() {}
+//! The command line: parse, make the job, run it.
+
+mod args;
+mod show;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    show::guard_against_panics();
+    let cli = args::Cli::parse();
+    show::exit(show::run(&cli.verb))
+}

@@ -1,7 +1,30 @@
 //! The jobs as plain functions.
+//!
+//! [`dress`] takes a photo and writes a 3D figure wearing draped garments; [`demo`] does it on a
+//! built-in photo and [`dress_pose`] on a built-in stance. [`list`] tells what there is, [`bench`]
+//! measures it. Each job tells a [`Watch`] of its stages and fails with a [`Failure`].
 
+pub mod bench;
+mod drape;
+mod dress;
 mod failure;
+mod figure;
+mod files;
+pub mod list;
+mod look;
+mod options;
+mod outcome;
+mod outfit;
+mod table;
+mod tell;
 mod watch;
 
+pub use drape::{Dressed, Quality, drape_outfit};
+pub use dress::{demo, dress, dress_pose};
 pub use failure::{Exit, Failure};
+pub use muslin_garment::Cut;
+pub use options::{Backdrop, DressOptions, Person, Wear};
+pub use outcome::Outcome;
+pub use outfit::{Outfit, Piece};
+pub use table::Table;
 pub use watch::{Stage, Watch};

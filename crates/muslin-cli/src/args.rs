@@ -1,0 +1,237 @@
+//! The words of the command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use muslin::{Backdrop, Cut, DressOptions, Person, Wear};
+
+/// Dresses any body in moving cloth: from a photo to a 3D figure wearing draped garments.
+#[derive(Debug, Parser)]
+#[command(version, about, propagate_version = true)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+/// The verbs.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Dress the person in a photo.
+    Dress(Dress),
+    /// Dress the person in a built-in photo; needs no file.
+    Demo(Demo),
+    /// Show what there is: garments, fabrics or poses.
+    List {
+        /// What to list.
+        what: Kind,
+        /// Machine-readable.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print the figures of merit, measured on this machine.
+    Bench(Bench),
+}
+
+/// Options of `dress`.
+#[derive(Debug, Args)]
+pub struct Dress {
+    /// Photo that shows one whole person (JPEG, PNG or WebP).
+    #[arg(required_unless_present = "pose")]
+    pub photo: Option<PathBuf>,
+    /// Dress the standard body in a built-in pose instead of a photo (see `muslin list poses`).
+    #[arg(long, conflicts_with = "photo")]
+    pub pose: Option<String>,
+    /// Options shared with `demo`.
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// Options of `demo`.
+#[derive(Debug, Args)]
+pub struct Demo {
+    /// Options shared with `dress`.
+    #[command(flatten)]
+    pub common: Common,
+}
+
+/// What `dress` and `demo` share.
+#[derive(Debug, Args)]
+pub struct Common {
+    /// Garment, or GARMENT:FABRIC; innermost first, repeated or comma-separated
+    /// [default: trousers,tee].
+    #[arg(long, value_delimiter = ',')]
+    pub garment: Vec<String>,
+    /// Fabric of every garment that names none (see `muslin list fabrics`).
+    #[arg(long)]
+    pub fabric: Option<String>,
+    /// Standing height [cm]; kept exactly.
+    #[arg(long)]
+    pub height: Option<f64>,
+    /// Body weight [kg].
+    #[arg(long)]
+    pub weight: Option<f64>,
+    /// From 0 (female) to 1 (male) on the body's own scale.
+    #[arg(long)]
+    pub gender: Option<f64>,
+    /// Whom to dress when there are several: a number from 1 (the largest), or `all`.
+    #[arg(long, value_parser = person)]
+    pub person: Option<Person>,
+    /// How loosely the garments are cut.
+    #[arg(long, value_enum, default_value_t = CutName::Regular)]
+    pub cut: CutName,
+    /// Triangle edge of the garments [mm], 5 to 25.
+    #[arg(long, default_value_t = 12.0)]
+    pub edge: f64,
+    /// Write the result even if the cloth crosses itself somewhere.
+    #[arg(long)]
+    pub allow_crossings: bool,
+    /// Also draw the fitted body over the photo (overlay.png).
+    #[arg(long)]
+    pub overlay: bool,
+    /// What lies behind the figure.
+    #[arg(long, value_enum, default_value_t = BackdropName::Studio)]
+    pub backdrop: BackdropName,
+    /// Folder for the results.
+    #[arg(short, long, default_value = "out")]
+    pub out: PathBuf,
+    /// Print the report on standard output instead of the table.
+    #[arg(long)]
+    pub json: bool,
+    /// No progress on standard error.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Options of `bench`.
+#[derive(Debug, Args)]
+pub struct Bench {
+    /// Which figures.
+    pub what: BenchKind,
+    /// Folder with test data (photos/, motion/) for the figures that need it.
+    #[arg(long, env = "MUSLIN_DATA")]
+    pub data: Option<PathBuf>,
+    /// Bodies, and poses for each, in the drape figures.
+    #[arg(long, default_value_t = 20)]
+    pub cases: usize,
+}
+
+/// What `list` can show.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Kind {
+    /// Garments and their parameters.
+    Garments,
+    /// Fabrics in SI units.
+    Fabrics,
+    /// Built-in poses.
+    Poses,
+}
+
+/// What `bench` can measure.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum BenchKind {
+    /// The posed body.
+    Body,
+    /// The detector and landmarks.
+    Pose,
+    /// The fit.
+    Fit,
+    /// Garments on random bodies and real poses.
+    Drape,
+    /// The whole job.
+    Dress,
+}
+
+/// Names of [`Cut`].
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum CutName {
+    /// Close to the body.
+    Slim,
+    /// As sold by default.
+    Regular,
+    /// Wide.
+    Loose,
+}
+
+/// Names of [`Backdrop`].
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum BackdropName {
+    /// A soft studio wall and floor.
+    Studio,
+    /// White, with a shadow.
+    White,
+    /// Transparent pixels.
+    Transparent,
+}
+
+impl Common {
+    /// The same in the library's words.
+    pub fn options(&self) -> DressOptions {
+        let mut options = DressOptions {
+            height: self.height.map(|cm| cm / 100.0),
+            weight: self.weight,
+            gender: self.gender,
+            person: self.person.unwrap_or(Person::Largest),
+            cut: match self.cut {
+                CutName::Slim => Cut::Slim,
+                CutName::Regular => Cut::Regular,
+                CutName::Loose => Cut::Loose,
+            },
+            edge: self.edge / 1000.0,
+            allow_crossings: self.allow_crossings,
+            overlay: self.overlay,
+            backdrop: match self.backdrop {
+                BackdropName::Studio => Backdrop::Studio,
+                BackdropName::White => Backdrop::White,
+                BackdropName::Transparent => Backdrop::Transparent,
+            },
+            ..DressOptions::default()
+        };
+        if !self.garment.is_empty() {
+            options.outfit = self.garment.iter().map(|g| Wear::parse(g)).collect();
+        }
+        for wear in &mut options.outfit {
+            wear.fabric = wear.fabric.take().or_else(|| self.fabric.clone());
+        }
+        options
+    }
+}
+
+fn person(text: &str) -> Result<Person, String> {
+    match text.parse::<usize>() {
+        _ if text == "all" => Ok(Person::All),
+        Ok(n) if n > 0 => Ok(Person::Nth(n)),
+        _ => Err("a number from 1, or `all`".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn garments_take_the_common_fabric_unless_they_name_one() {
+        let cli = Cli::parse_from([
+            "muslin",
+            "dress",
+            "a.jpg",
+            "--garment",
+            "tee,trousers:denim",
+            "--fabric",
+            "silk-charmeuse",
+        ]);
+        let Verb::Dress(dress) = cli.verb else {
+            panic!("dress")
+        };
+        let outfit = dress.common.options().outfit;
+        assert_eq!(outfit[0].fabric.as_deref(), Some("silk-charmeuse"));
+        assert_eq!(outfit[1].fabric.as_deref(), Some("denim"));
+    }
+}

@@ -1,0 +1,126 @@
+//! Runs a verb and shows how it goes: progress and errors to stderr, results to stdout.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
+
+use muslin::{Exit, Failure, Outcome, Watch};
+
+use crate::args::{Bench, BenchKind, Common, Kind, Verb};
+
+/// Does what the verb says.
+pub fn run(verb: &Verb) -> Result<(), Failure> {
+    match verb {
+        Verb::Dress(d) => match (&d.photo, &d.pose) {
+            (Some(photo), _) => job(&d.common, |out, options, watch| {
+                muslin::dress(photo, out, options, watch)
+            }),
+            (None, pose) => job(&d.common, |out, options, watch| {
+                muslin::dress_pose(pose.as_deref().unwrap_or("stand"), out, options, watch)
+            }),
+        },
+        Verb::Demo(d) => job(&d.common, muslin::demo),
+        Verb::List { what, json } => list(*what, *json),
+        Verb::Bench(b) => bench(b),
+    }
+}
+
+type Options = muslin::DressOptions;
+
+fn job(
+    common: &Common,
+    dress: impl FnOnce(&Path, &Options, &mut Watch) -> Result<Outcome, Failure>,
+) -> Result<(), Failure> {
+    let flag = stop_flag()?;
+    let quiet = common.quiet;
+    let tell = |s: &muslin::Stage| {
+        if !quiet {
+            let head = format!("[{}/{}] {:<7} {}", s.number, s.of, s.name, s.result);
+            eprintln!("  {head:<68} {:>6.2} s", s.seconds);
+        }
+    };
+    let mut watch = Watch::new(tell, |w| eprintln!("warning: {w}")).stopping_at(&flag);
+    let outcome = dress(&common.out, &common.options(), &mut watch)?;
+    print(&if common.json {
+        outcome.json
+    } else {
+        outcome.table
+    })
+}
+
+fn list(what: Kind, json: bool) -> Result<(), Failure> {
+    let table = match what {
+        Kind::Garments => muslin::list::garments(),
+        Kind::Fabrics => muslin::list::fabrics(),
+        Kind::Poses => muslin::list::poses(),
+    };
+    print(&if json { table.json() } else { table.text() })
+}
+
+fn bench(bench: &Bench) -> Result<(), Failure> {
+    let data = bench.data.as_deref();
+    let report = match bench.what {
+        BenchKind::Body => muslin::bench::body(),
+        BenchKind::Pose => muslin::bench::pose(data),
+        BenchKind::Fit => muslin::bench::fit(data),
+        BenchKind::Drape => muslin::bench::drape(data, bench.cases),
+        BenchKind::Dress => muslin::bench::dress(data),
+    }?;
+    print(&report)
+}
+
+/// Writes to standard output; a reader that has gone away is no failure.
+fn print(text: &str) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    match writeln!(out, "{}", text.trim_end()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Failure::new(Exit::Files, "stdout", e.to_string()).at("standard output"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// A flag that holds the number of the signal that asked to stop; a second one stops at once.
+fn stop_flag() -> Result<Arc<AtomicUsize>, Failure> {
+    use signal_hook::consts::{SIGINT, SIGTERM};
+    let flag = Arc::new(AtomicUsize::new(0));
+    let again = Arc::new(std::sync::atomic::AtomicBool::new(false));
+    for (signal, code) in [(SIGINT, 130), (SIGTERM, 143)] {
+        let number = usize::try_from(signal).expect("signal numbers are positive");
+        signal_hook::flag::register_conditional_shutdown(signal, code, Arc::clone(&again))
+            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&again)))
+            .and_then(|_| signal_hook::flag::register_usize(signal, Arc::clone(&flag), number))
+            .map_err(|e| Failure::new(Exit::Internal, "signals", e.to_string()))?;
+    }
+    Ok(flag)
+}
+
+/// Prints a failure and gives its exit code.
+pub fn exit(result: Result<(), Failure>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("{failure}");
+            ExitCode::from(failure.exit as u8)
+        }
+    }
+}
+
+/// A panic is a fault of ours: leave a report and exit with 70.
+pub fn guard_against_panics() {
+    std::panic::set_hook(Box::new(|info| {
+        let name = format!("muslin-crash-{}.txt", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        let version = env!("CARGO_PKG_VERSION");
+        let trace = std::backtrace::Backtrace::force_capture();
+        let report = format!("muslin {version}\n{info}\n{trace}\n");
+        let kept = std::fs::write(&path, report).is_ok();
+        eprintln!("error[internal]: a fault in Muslin itself: {info}");
+        if kept {
+            eprintln!("hint: please report it with the file {}", path.display());
+        }
+        std::process::exit(Exit::Internal as i32);
+    }));
+}

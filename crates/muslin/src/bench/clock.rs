@@ -1,0 +1,85 @@
+//! Time as a user feels it and as the processor spends it.
+
+use std::time::Instant;
+
+/// The least of several runs.
+#[derive(Clone, Copy, Debug)]
+pub struct Timing {
+    /// Wall time [ms].
+    pub wall: f64,
+    /// Processor time of all threads [ms]; absent where the system does not tell.
+    pub cpu: Option<f64>,
+}
+
+impl Timing {
+    /// As in `2.31 ms wall, 2.30 ms CPU`.
+    pub fn text(&self) -> String {
+        let cpu = self
+            .cpu
+            .map_or("CPU unknown".to_owned(), |c| format!("{c:.2} ms CPU"));
+        format!("{:.2} ms wall, {cpu}", self.wall)
+    }
+}
+
+/// The least wall and processor time of `runs` runs of `job`, after one that does not count.
+pub fn least_of<T>(runs: usize, mut job: impl FnMut() -> T) -> Timing {
+    std::hint::black_box(job());
+    let mut best = Timing {
+        wall: f64::INFINITY,
+        cpu: None,
+    };
+    for _ in 0..runs {
+        let (cpu, since) = (spent(), Instant::now());
+        std::hint::black_box(job());
+        best.wall = best.wall.min(since.elapsed().as_secs_f64() * 1e3);
+        if let (Some(a), Some(b)) = (cpu, spent()) {
+            let took = (b - a) / 1e6;
+            best.cpu = Some(best.cpu.map_or(took, |c: f64| c.min(took)));
+        }
+    }
+    best
+}
+
+/// Processor time of all threads so far [ns]; only Linux tells it finely.
+fn spent() -> Option<f64> {
+    let tasks = std::fs::read_dir("/proc/self/task").ok()?;
+    let mut sum = 0.0;
+    for task in tasks {
+        let text = std::fs::read_to_string(task.ok()?.path().join("schedstat")).ok()?;
+        sum += text.split_whitespace().next()?.parse::<f64>().ok()?;
+    }
+    Some(sum)
+}
+
+/// The load average over the last minute, which tells how much a figure can be trusted.
+pub fn load() -> String {
+    let text = std::fs::read_to_string("/proc/loadavg").unwrap_or_default();
+    let one = text
+        .split_whitespace()
+        .next()
+        .unwrap_or("unknown")
+        .to_owned();
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    format!("load {one} on {cores} cores")
+}
+
+/// The highest resident memory of this process so far [MiB]; only Linux tells.
+pub fn peak_memory() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = text.lines().find(|l| l.starts_with("VmHWM:"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / 1024.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_takes_time() {
+        let t = least_of(3, || {
+            (0..200_000_u64).fold(1_u64, |a, b| a.wrapping_mul(b | 1))
+        });
+        assert!(t.wall > 0.0 && t.wall.is_finite());
+        assert!(t.cpu.is_none_or(|c| c >= 0.0));
+    }
+}

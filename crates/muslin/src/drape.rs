@@ -1,0 +1,235 @@
+//! From an outfit and a body to cloth at rest: arrays for the solver, and a verdict on its answer.
+
+use glam::DVec3;
+use muslin_body::Avatar;
+use muslin_energy::{hinge::Bend, membrane::Stretch};
+use muslin_garment::{Fabric, Worn};
+use muslin_geom::{Drape, Part};
+use muslin_sim::{Cloth, Material, Options, Settled, drape, stretch};
+
+use crate::failure::{Exit, Failure};
+use crate::figure::Sitter;
+use crate::outfit::Outfit;
+
+/// An outfit at rest on a body.
+#[derive(Clone, Debug)]
+pub struct Dressed {
+    /// The still.
+    pub drape: Drape,
+    /// Pattern coordinates of every face's corners [m], x weft, y warp.
+    pub uv: Vec<[glam::DVec2; 3]>,
+    /// How good it is.
+    pub quality: Quality,
+}
+
+/// What a judge would measure on the delivered frame.
+#[derive(Clone, Debug)]
+pub struct Quality {
+    /// What the solver counted.
+    pub settled: Settled,
+    /// For each garment: 99th percentile of its faces' stretch, and its fabric's limit.
+    pub stretch: Vec<(f64, Option<f64>)>,
+}
+
+/// Allowed above a fabric's strain limit.
+const BEYOND_LIMIT: f64 = 0.01;
+
+/// Largest turn of a joint in one step on the way to the pose [rad].
+const TURN: f64 = 0.06;
+
+impl Quality {
+    /// What keeps the drape from being delivered, if anything.
+    pub fn fault(&self, allow_crossings: bool) -> Option<Failure> {
+        let s = &self.settled;
+        let quality = |code, what: String, hint: &str| {
+            Some(Failure::new(Exit::Quality, code, what).hint(hint))
+        };
+        if s.body_intersections > 0 {
+            let what = format!(
+                "{} pairs of cloth and body triangles meet",
+                s.body_intersections
+            );
+            return quality("cloth-in-body", what, "try --cut loose, or a finer --edge");
+        }
+        if s.self_crossings > 0 && !allow_crossings {
+            let what = format!("the cloth crosses itself in {} places", s.self_crossings);
+            return quality(
+                "cloth-in-cloth",
+                what,
+                "--allow-crossings writes it all the same",
+            );
+        }
+        None
+    }
+
+    /// Whether every garment stays within its fabric's limit and one per cent.
+    pub fn within_limits(&self) -> bool {
+        let fits =
+            |&(p99, limit): &(f64, Option<f64>)| limit.is_none_or(|l| p99 <= l + BEYOND_LIMIT);
+        self.stretch.iter().all(fits)
+    }
+
+    /// The largest 99th percentile of the garments' stretch.
+    pub fn stretch_p99(&self) -> f64 {
+        self.stretch.iter().map(|s| s.0).fold(0.0, f64::max)
+    }
+}
+
+/// Drapes an outfit on somebody: from the rest pose along a short way into the pose, then to rest.
+pub fn drape_outfit(avatar: &Avatar, outfit: &Outfit, sitter: &Sitter) -> Result<Dressed, Failure> {
+    let worn = put_on(avatar, outfit, sitter)?;
+    let cloth = cloth(outfit, &worn);
+    let start: Vec<DVec3> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
+    let path = sitter.path(avatar, TURN);
+    let body = (path.as_slice(), avatar.collision_faces());
+    let settled = drape(&cloth, &start, body, &Options::default())
+        .map_err(|e| Failure::new(Exit::Numbers, "drape", e.to_string()))?;
+    Ok(finish(outfit, &cloth, settled))
+}
+
+/// Every garment around the body's rest pose, outside of those under it.
+fn put_on(avatar: &Avatar, outfit: &Outfit, sitter: &Sitter) -> Result<Vec<Worn>, Failure> {
+    let mut worn: Vec<Worn> = Vec::new();
+    for piece in &outfit.pieces {
+        let under: Vec<_> = outfit
+            .pieces
+            .iter()
+            .map(|p| &p.garment)
+            .zip(&worn)
+            .collect();
+        let next = piece
+            .garment
+            .worn(avatar, &sitter.figure, &under)
+            .map_err(|e| {
+                Failure::new(Exit::Invalid, "garment", e.to_string()).at(piece.garment.name.clone())
+            })?;
+        worn.push(next);
+    }
+    Ok(worn)
+}
+
+fn cloth(outfit: &Outfit, worn: &[Worn]) -> Cloth {
+    let mut cloth = Cloth::default();
+    for (k, (piece, w)) in outfit.pieces.iter().zip(worn).enumerate() {
+        let first = cloth.layers.len() as u32;
+        cloth
+            .faces
+            .extend(piece.garment.faces.iter().map(|f| f.map(|i| i + first)));
+        cloth.rest.extend_from_slice(&w.rest);
+        cloth.materials.push(material(&piece.fabric));
+        cloth
+            .material_of
+            .extend(piece.garment.faces.iter().map(|_| k as u32));
+        cloth.layers.extend(w.verts.iter().map(|_| k as u32));
+        cloth
+            .pins
+            .extend(piece.garment.pins.iter().map(|i| i + first));
+    }
+    cloth
+}
+
+/// Share of its stiffness that cloth keeps in compression: the rest buckles below the mesh's size.
+const COMPRESSION: f64 = 0.2;
+
+fn material(fabric: &Fabric) -> Material {
+    Material {
+        density: fabric.density,
+        stretch: Stretch {
+            warp: fabric.stretch_warp,
+            weft: fabric.stretch_weft,
+            shear: fabric.shear,
+            compression: COMPRESSION,
+        },
+        bend: Bend {
+            warp: fabric.bend_warp,
+            weft: fabric.bend_weft,
+        },
+        limit: fabric.strain_limit,
+        friction: fabric.friction,
+        thickness: fabric.thickness,
+    }
+}
+
+fn finish(outfit: &Outfit, cloth: &Cloth, settled: Settled) -> Dressed {
+    let mut drape = Drape {
+        faces: cloth.faces.clone(),
+        fps: 0.0,
+        ..Drape::default()
+    };
+    let (mut vert, mut face) = (0, 0);
+    for piece in &outfit.pieces {
+        let (v, f) = (piece.garment.n_verts(), piece.garment.faces.len());
+        let name = piece.garment.name.clone();
+        drape.parts.push(Part {
+            name,
+            verts: vert..vert + v,
+            faces: face..face + f,
+        });
+        (vert, face) = (vert + v, face + f);
+    }
+    let all = stretch(&cloth.faces, &cloth.rest, &settled.verts);
+    let per_part = drape.parts.iter().zip(&outfit.pieces).map(|(part, piece)| {
+        (
+            percentile_99(all[part.faces.clone()].to_vec()),
+            piece.fabric.strain_limit,
+        )
+    });
+    let quality = Quality {
+        stretch: per_part.collect(),
+        settled: settled.clone(),
+    };
+    drape.frames.push(settled.verts);
+    let uv = outfit
+        .pieces
+        .iter()
+        .flat_map(|p| p.garment.uv.iter().copied())
+        .collect();
+    Dressed { drape, uv, quality }
+}
+
+fn percentile_99(mut values: Vec<f64>) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    let at = (values.len().saturating_sub(1) as f64 * 0.99).round() as usize;
+    values.get(at).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn quality(body: usize, cloth: usize) -> Quality {
+        let settled = Settled {
+            body_intersections: body,
+            self_crossings: cloth,
+            ..Settled::default()
+        };
+        Quality {
+            settled,
+            stretch: vec![(0.05, Some(0.06)), (0.5, None)],
+        }
+    }
+
+    #[test]
+    fn crossings_stop_delivery_unless_allowed_but_cloth_in_the_body_always_does() {
+        assert!(quality(0, 0).fault(false).is_none());
+        assert_eq!(
+            quality(0, 2).fault(false).map(|f| f.exit),
+            Some(Exit::Quality)
+        );
+        assert!(quality(0, 2).fault(true).is_none());
+        assert_eq!(
+            quality(1, 0).fault(true).map(|f| f.code),
+            Some("cloth-in-body")
+        );
+    }
+
+    #[test]
+    fn a_fabric_without_a_limit_is_never_beyond_it() {
+        assert!(quality(0, 0).within_limits());
+        let beyond = Quality {
+            stretch: vec![(0.08, Some(0.06))],
+            ..quality(0, 0)
+        };
+        assert!(!beyond.within_limits());
+    }
+}

@@ -1,0 +1,324 @@
+//! The main job: from a photo to a dressed figure on disk.
+
+use std::path::Path;
+
+use muslin_body::{Avatar, Pose, Shape};
+use muslin_fit::Camera;
+use muslin_fit::detect::{Found, Models, Person as Seen, find_people};
+use muslin_fit::solve::{Fit, FitOptions, Fitter};
+use muslin_geom::{Image, Report};
+use muslin_io::{
+    Output, Photo, PhotoLimits, animated_png, flatten, glb, png, read_photo, report_json,
+};
+
+use crate::drape::{Dressed, drape_outfit};
+use crate::failure::{Exit, Failure};
+use crate::figure::{Sitter, body_failure};
+use crate::options::{DressOptions, Person};
+use crate::outcome::Outcome;
+use crate::outfit::Outfit;
+use crate::watch::Watch;
+use crate::{files, look, tell};
+
+/// The photo that `demo` dresses.
+const EXAMPLE: &[u8] = include_bytes!("../../../assets/examples/walk.jpg");
+
+/// Pieces of a job that its later stages add to.
+pub(crate) struct Job<'a, 'w> {
+    pub avatar: &'a Avatar,
+    pub options: &'a DressOptions,
+    pub watch: &'a mut Watch<'w>,
+    pub report: Report,
+    pub times: Report,
+}
+
+/// Somebody to dress, and what of them goes over the photo.
+struct Model<'a> {
+    sitter: Sitter,
+    over: Option<(Camera, &'a Image)>,
+}
+
+/// Dresses the person in the photo at `photo` and writes the results to the folder `out`.
+pub fn dress(
+    photo: &Path,
+    out: &Path,
+    options: &DressOptions,
+    watch: &mut Watch,
+) -> Result<Outcome, Failure> {
+    options.check()?;
+    let photo = read_photo(photo, &PhotoLimits::default()).map_err(|e| file_failure(&e))?;
+    dress_photo(&photo, out, options, watch)
+}
+
+/// Dresses the person in the built-in photo.
+pub fn demo(out: &Path, options: &DressOptions, watch: &mut Watch) -> Result<Outcome, Failure> {
+    options.check()?;
+    let input = muslin_io::Input {
+        file: "the built-in photo".into(),
+        bytes: EXAMPLE.to_vec(),
+    };
+    let image =
+        muslin_io::decode_photo(&input, &PhotoLimits::default()).map_err(|e| file_failure(&e))?;
+    let photo = Photo {
+        sha256: input.sha256(),
+        file: input.file,
+        image,
+    };
+    dress_photo(&photo, out, options, watch)
+}
+
+/// Dresses the default body in the built-in stance called `pose`.
+pub fn dress_pose(
+    pose: &str,
+    out: &Path,
+    options: &DressOptions,
+    watch: &mut Watch,
+) -> Result<Outcome, Failure> {
+    options.check()?;
+    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let mut job = Job::new(&avatar, options, watch);
+    let shape = asked_shape(&avatar, options)?;
+    let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
+    let stance = Pose::stance(&avatar, &figure, pose)
+        .map_err(|e| Failure::new(Exit::Usage, "unknown-pose", e.to_string()).at("--pose"))?;
+    job.done(1, "pose", format!("built in: {pose}"))?;
+    let sitter = Sitter::new(&avatar, &shape, stance)?;
+    let measures = avatar.measure(&sitter.figure);
+    job.report.set("body", tell::body(&shape, &measures));
+    job.done(2, "body", tell::measures(&measures))?;
+    job.clothe(&Model { sitter, over: None }, out)
+}
+
+/// The average body with what the options say of it.
+fn asked_shape(avatar: &Avatar, options: &DressOptions) -> Result<Shape, Failure> {
+    let shape = expected(options)?;
+    let shape = match (options.height, options.weight) {
+        (Some(m), Some(kg)) => shape.with_height_and_mass(avatar, m, kg),
+        (Some(m), None) => shape.with_height(avatar, m),
+        (None, Some(kg)) => shape.with_mass(avatar, kg),
+        (None, None) => Ok(shape),
+    };
+    shape.map_err(|e| body_failure(&e))
+}
+
+/// Who to expect before the photo is looked at.
+fn expected(options: &DressOptions) -> Result<Shape, Failure> {
+    match options.gender {
+        Some(g) => Shape::default()
+            .with("gender", g)
+            .map_err(|e| body_failure(&e)),
+        None => Ok(Shape::default()),
+    }
+}
+
+fn dress_photo(
+    photo: &Photo,
+    out: &Path,
+    options: &DressOptions,
+    watch: &mut Watch,
+) -> Result<Outcome, Failure> {
+    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let mut job = Job::new(&avatar, options, watch);
+    job.report.set("photo", tell::photo(photo));
+    let found = find_people(&models()?, &flatten(&photo.image, [255; 3]));
+    let chosen = choose(&found, options, photo, job.watch)?;
+    let several = chosen.len() > 1;
+    let of = found.people.len();
+    let mut outcomes = Vec::new();
+    for n in chosen {
+        let folder = if several {
+            out.join(format!("person-{n}"))
+        } else {
+            out.to_owned()
+        };
+        let mut one = Job::new(&avatar, options, job.watch);
+        one.report = job.report.clone();
+        one.report.set("person", n).set("people", of);
+        let model = one.model(&found.people[n - 1], photo)?;
+        outcomes.push(one.clothe(&model, &folder)?);
+    }
+    Ok(if several {
+        Outcome::all(outcomes)
+    } else {
+        outcomes.swap_remove(0)
+    })
+}
+
+/// The two networks that come with Muslin.
+pub(crate) fn models() -> Result<Models, Failure> {
+    let damaged =
+        |e: String| Failure::new(Exit::Invalid, "pose-asset", e).hint("install Muslin again");
+    let graphs = muslin_io::pose_graphs().map_err(|e| damaged(e.to_string()))?;
+    Models::new(&graphs.detector, &graphs.landmarks).map_err(|e| damaged(e.to_string()))
+}
+
+/// Numbers, from 1, of the people to dress.
+fn choose(
+    found: &Found,
+    options: &DressOptions,
+    photo: &Photo,
+    watch: &mut Watch,
+) -> Result<Vec<usize>, Failure> {
+    let n = found.people.len();
+    if n == 0 {
+        return Err(nobody(found).at(photo.file.clone()));
+    }
+    match options.person {
+        Person::All => Ok((1..=n).collect()),
+        Person::Nth(k) if k <= n => Ok(vec![k]),
+        Person::Nth(k) => {
+            let what = format!("there is no person {k}: {n} found");
+            Err(Failure::new(Exit::Invalid, "no-such-person", what).at(photo.file.clone()))
+        }
+        Person::Largest => {
+            if n > 1 {
+                watch.warn(&format!(
+                    "{n} people in the photo; dressing the largest. --person 2 takes the next, --person all everybody"
+                ));
+            }
+            Ok(vec![1])
+        }
+    }
+}
+
+fn nobody(found: &Found) -> Failure {
+    let what = format!(
+        "no person found: best score {:.2}, {:.2} for a whole person (needed 0.50 each)",
+        found.best_score, found.best_presence
+    );
+    let hint = "use a photo that shows one person from head to feet, upright, in good light, \
+                at least 150 pixels tall";
+    Failure::new(Exit::Invalid, "nobody-found", what).hint(hint)
+}
+
+/// A file's fault as a job's failure.
+pub(crate) fn file_failure(e: &muslin_io::IoError) -> Failure {
+    let exit = match e.exit_code() {
+        3 => Exit::Invalid,
+        4 => Exit::Refused,
+        _ => Exit::Files,
+    };
+    Failure::new(exit, e.code(), e.to_string()).hint(e.hint())
+}
+
+/// How many stages a job has.
+const STAGES: usize = 5;
+
+impl<'a, 'w> Job<'a, 'w> {
+    fn new(avatar: &'a Avatar, options: &'a DressOptions, watch: &'a mut Watch<'w>) -> Self {
+        Self {
+            avatar,
+            options,
+            watch,
+            report: Report::default(),
+            times: Report::default(),
+        }
+    }
+
+    fn done(&mut self, number: usize, name: &'static str, result: String) -> Result<(), Failure> {
+        let seconds = self.watch.done((number, STAGES), name, result)?;
+        self.times.set(name, (seconds * 1e4).round() / 1e4);
+        Ok(())
+    }
+
+    /// Fits a body to a person.
+    fn model<'p>(&mut self, seen: &Seen, photo: &'p Photo) -> Result<Model<'p>, Failure> {
+        self.report.set("pose", tell::pose(seen));
+        self.done(1, "pose", tell::points(seen))?;
+        let fit = self.fit(seen).map_err(|f| f.at(photo.file.clone()))?;
+        let sitter = Sitter::new(self.avatar, &fit.shape, fit.pose.clone())?;
+        let measures = self.avatar.measure(&sitter.figure);
+        let mut body = tell::body(&fit.shape, &measures);
+        tell::fit(&mut body, &fit);
+        self.report.set("body", body);
+        self.done(2, "body", tell::fitted(&fit, &measures))?;
+        let over = self.options.overlay.then_some((fit.camera, &photo.image));
+        Ok(Model { sitter, over })
+    }
+
+    fn fit(&self, seen: &Seen) -> Result<Fit, Failure> {
+        let options = FitOptions {
+            height_m: self.options.height,
+            weight_kg: self.options.weight,
+            shape: expected(self.options)?,
+            focal_px: None,
+        };
+        let fit = Fitter::new(self.avatar).and_then(|f| f.fit(&seen.keypoints, &options));
+        fit.map_err(|e| Failure::new(Exit::Invalid, "fit", e.to_string()))
+    }
+
+    /// Cuts, drapes, judges and writes.
+    fn clothe(mut self, model: &Model, out: &Path) -> Result<Outcome, Failure> {
+        // An unwritable folder must be known before the work is done.
+        let output = Output::open(out).map_err(|e| file_failure(&e))?;
+        let outfit = Outfit::make(self.avatar, self.options, |w| self.watch.warn(w))?;
+        self.report.set("outfit", tell::outfit(&outfit));
+        self.done(3, "outfit", tell::pieces(&outfit))?;
+        let dressed = drape_outfit(self.avatar, &outfit, &model.sitter)?;
+        self.report.set("drape", tell::drape(&outfit, &dressed));
+        self.done(4, "drape", tell::quality(&dressed.quality))?;
+        if let Some(fault) = dressed.quality.fault(self.options.allow_crossings) {
+            return Err(fault);
+        }
+        if !dressed.quality.within_limits() {
+            self.watch
+                .warn("the cloth is stretched beyond its fabric's limit; try --cut loose");
+        }
+        self.write(model, (&outfit, &dressed), (out, output))
+    }
+
+    fn write(
+        mut self,
+        model: &Model,
+        (outfit, dressed): (&Outfit, &Dressed),
+        (out, mut output): (&Path, Output),
+    ) -> Result<Outcome, Failure> {
+        let mut files = self.files(model, (outfit, dressed))?;
+        let written: Vec<_> = files
+            .iter()
+            .map(|(name, bytes)| (*name, bytes.len()))
+            .collect();
+        self.report.set("files", tell::files(&written));
+        self.watch.go_on()?;
+        let text = tell::written(out, &written);
+        let seconds = self.watch.done((5, STAGES), "write", text)?;
+        self.times.set("write", (seconds * 1e4).round() / 1e4);
+        self.report.set("seconds", self.times.clone());
+        tell::colophon(&mut self.report);
+        files.push(("report.json", report_json(&self.report).into_bytes()));
+        for (name, bytes) in &files {
+            output.add(name, bytes).map_err(|e| file_failure(&e))?;
+        }
+        output.commit().map_err(|e| file_failure(&e))?;
+        Ok(Outcome::new(tell::table(&self.report, out), &self.report))
+    }
+
+    /// Names and bytes of the results, the report left out.
+    fn files(
+        &self,
+        model: &Model,
+        (outfit, dressed): (&Outfit, &Dressed),
+    ) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
+        let who = (self.avatar, &model.sitter);
+        let file = glb(
+            &files::scene(who, outfit, dressed),
+            &muslin_io::GlbOptions::default(),
+        );
+        let scene = look::scene(who, outfit, dressed, self.options.backdrop);
+        let mut files = vec![
+            ("look.glb", file.map_err(|e| file_failure(&e))?),
+            ("front.png", png(&look::front(&scene))),
+            (
+                "turntable.png",
+                animated_png(&look::turning(&scene), look::FRAME_MS),
+            ),
+        ];
+        if let Some((camera, photo)) = &model.over {
+            files.push((
+                "overlay.png",
+                png(&look::over_photo(who.0, who.1, camera, photo)),
+            ));
+        }
+        Ok(files)
+    }
+}

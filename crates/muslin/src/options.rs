@@ -1,0 +1,147 @@
+//! What may be asked of `dress`.
+
+use muslin_garment::Cut;
+
+use crate::failure::{Exit, Failure};
+
+/// Which of the people in a photo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Person {
+    /// The one that fills most of the picture.
+    Largest,
+    /// The n-th from the largest, from 1.
+    Nth(usize),
+    /// Everybody, each in a folder of their own.
+    All,
+}
+
+/// One garment of an outfit, by name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Wear {
+    /// The garment, such as `tee`.
+    pub garment: String,
+    /// The fabric; the garment's own when absent.
+    pub fabric: Option<String>,
+}
+
+impl Wear {
+    /// Reads `garment` or `garment:fabric`.
+    pub fn parse(text: &str) -> Self {
+        match text.split_once(':') {
+            Some((g, f)) => Self {
+                garment: g.to_owned(),
+                fabric: Some(f.to_owned()),
+            },
+            None => Self {
+                garment: text.to_owned(),
+                fabric: None,
+            },
+        }
+    }
+}
+
+/// What lies behind the figure in the pictures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Backdrop {
+    /// A soft studio wall and floor.
+    #[default]
+    Studio,
+    /// White, with the shadow on the floor.
+    White,
+    /// Nothing: transparent pixels.
+    Transparent,
+}
+
+/// Options of `dress`; the default is what a stranger would want.
+#[derive(Clone, Debug)]
+pub struct DressOptions {
+    /// What to wear, innermost first.
+    pub outfit: Vec<Wear>,
+    /// Standing height [m]; exact when given.
+    pub height: Option<f64>,
+    /// Body weight [kg].
+    pub weight: Option<f64>,
+    /// 0 female to 1 male in the body's own scale; between when unknown.
+    pub gender: Option<f64>,
+    /// Whom to dress.
+    pub person: Person,
+    /// How loosely.
+    pub cut: Cut,
+    /// Triangle edge of the garments [m], 0.005 to 0.025.
+    pub edge: f64,
+    /// Deliver a drape whose cloth crosses itself.
+    pub allow_crossings: bool,
+    /// Also draw the fitted body over the photo.
+    pub overlay: bool,
+    /// Behind the figure.
+    pub backdrop: Backdrop,
+}
+
+impl Default for DressOptions {
+    fn default() -> Self {
+        Self {
+            outfit: vec![Wear::parse("trousers"), Wear::parse("tee")],
+            height: None,
+            weight: None,
+            gender: None,
+            person: Person::Largest,
+            cut: Cut::Regular,
+            edge: 0.012,
+            allow_crossings: false,
+            overlay: false,
+            backdrop: Backdrop::Studio,
+        }
+    }
+}
+
+impl DressOptions {
+    /// Refuses numbers that no adult and no cloth has.
+    pub fn check(&self) -> Result<(), Failure> {
+        within(
+            "--height",
+            "cm",
+            self.height.map(|h| h * 100.0),
+            (120.0, 230.0),
+        )?;
+        within("--weight", "kg", self.weight, (30.0, 250.0))?;
+        within("--gender", "", self.gender, (0.0, 1.0))?;
+        within("--edge", "mm", Some(self.edge * 1000.0), (5.0, 25.0))
+    }
+}
+
+fn within(
+    name: &str,
+    unit: &str,
+    value: Option<f64>,
+    (low, high): (f64, f64),
+) -> Result<(), Failure> {
+    match value {
+        Some(v) if !(low..=high).contains(&(v * (1.0 + 1e-12))) && !(low..=high).contains(&v) => {
+            let what = format!("{v} {unit} is out of range (allowed {low} to {high})");
+            Err(Failure::new(Exit::Usage, "out-of-range", what).at(name))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_height_in_metres_by_mistake_is_refused() {
+        let options = DressOptions {
+            height: Some(0.0172),
+            ..Default::default()
+        };
+        let f = options.check().unwrap_err();
+        assert_eq!((f.exit, f.place.as_str()), (Exit::Usage, "--height"));
+        assert!(DressOptions::default().check().is_ok());
+    }
+
+    #[test]
+    fn a_fabric_follows_a_colon() {
+        assert_eq!(Wear::parse("tee:denim").fabric.as_deref(), Some("denim"));
+        assert_eq!(Wear::parse("tee").fabric, None);
+    }
+}

@@ -1,0 +1,175 @@
+//! From names to clothes: what is in the wardrobe, and how an outfit is put together.
+
+use muslin_body::{Avatar, names};
+use muslin_garment::{Fabric, Garment, Recipe, Tee, Trousers};
+
+use crate::failure::{Exit, Failure};
+use crate::options::{DressOptions, Wear};
+
+/// A garment in a fabric.
+#[derive(Clone, Debug)]
+pub struct Piece {
+    /// What was cut.
+    pub garment: Garment,
+    /// From what.
+    pub fabric: Fabric,
+}
+
+/// What is worn, innermost first.
+#[derive(Clone, Debug)]
+pub struct Outfit {
+    /// The garments.
+    pub pieces: Vec<Piece>,
+}
+
+/// An entry of the wardrobe.
+pub(crate) struct Entry {
+    pub name: &'static str,
+    pub says: &'static str,
+    /// The fabric it is made of unless another is asked for.
+    pub fabric: &'static str,
+    pub recipe: fn(&DressOptions) -> Recipe,
+}
+
+/// Sleeve length of a long-sleeved shirt: almost to the wrist (2).
+const LONG_SLEEVE: f64 = 1.9;
+/// Leg length of shorts: a little above the knee.
+const SHORT_LEG: f64 = 0.45;
+
+/// What there is to wear.
+pub(crate) const WARDROBE: [Entry; 4] = [
+    Entry {
+        name: "tee",
+        says: "t-shirt with short sleeves and a crew neck",
+        fabric: "cotton-jersey",
+        recipe: |o| Recipe::Tee(tee(o)),
+    },
+    Entry {
+        name: "long-sleeve",
+        says: "t-shirt with long sleeves",
+        fabric: "cotton-jersey",
+        recipe: |o| {
+            Recipe::Tee(Tee {
+                sleeve: LONG_SLEEVE,
+                ..tee(o)
+            })
+        },
+    },
+    Entry {
+        name: "trousers",
+        says: "straight trousers, held at the waist",
+        fabric: "denim",
+        recipe: |o| Recipe::Trousers(trousers(o)),
+    },
+    Entry {
+        name: "shorts",
+        says: "trousers that end above the knee",
+        fabric: "cotton-shirting",
+        recipe: |o| {
+            Recipe::Trousers(Trousers {
+                leg: SHORT_LEG,
+                ..trousers(o)
+            })
+        },
+    },
+];
+
+fn tee(options: &DressOptions) -> Tee {
+    Tee {
+        edge: options.edge,
+        ..Tee::new(options.cut)
+    }
+}
+
+fn trousers(options: &DressOptions) -> Trousers {
+    Trousers {
+        edge: options.edge,
+        ..Trousers::new(options.cut)
+    }
+}
+
+impl Outfit {
+    /// Cuts what the options ask for; warnings about fabrics go to `warn`.
+    pub fn make(
+        avatar: &Avatar,
+        options: &DressOptions,
+        mut warn: impl FnMut(&str),
+    ) -> Result<Self, Failure> {
+        if options.outfit.is_empty() {
+            let what = "no garment to wear";
+            return Err(
+                Failure::new(Exit::Usage, "no-garment", what).hint("name one with --garment")
+            );
+        }
+        let pieces = options
+            .outfit
+            .iter()
+            .map(|wear| piece(avatar, wear, options));
+        let pieces = pieces.collect::<Result<Vec<_>, _>>()?;
+        pieces
+            .iter()
+            .flat_map(|p| p.fabric.warnings())
+            .for_each(|w| warn(&w));
+        Ok(Self { pieces })
+    }
+
+    /// Whether every fabric has a strain limit, so that a stretch figure counts.
+    pub fn limit(&self) -> Option<f64> {
+        let limits = self.pieces.iter().map(|p| p.fabric.strain_limit);
+        limits.reduce(|a, b| Some(a?.max(b?))).flatten()
+    }
+}
+
+fn piece(avatar: &Avatar, wear: &Wear, options: &DressOptions) -> Result<Piece, Failure> {
+    let entry = entry(&wear.garment)?;
+    let fabric = Fabric::named(wear.fabric.as_deref().unwrap_or(entry.fabric))
+        .map_err(|e| Failure::new(Exit::Usage, "unknown-fabric", e.to_string()).at("--fabric"))?;
+    let mut garment = Garment::make(avatar, &(entry.recipe)(options))
+        .map_err(|e| Failure::new(Exit::Invalid, "garment", e.to_string()).at(entry.name))?;
+    entry.name.clone_into(&mut garment.name);
+    Ok(Piece { garment, fabric })
+}
+
+fn entry(name: &str) -> Result<&'static Entry, Failure> {
+    let asked = name.trim().to_lowercase();
+    WARDROBE.iter().find(|e| e.name == asked).ok_or_else(|| {
+        let near = names::nearest(&asked, WARDROBE.iter().map(|e| e.name));
+        let hint = format!(
+            "did you mean {}? `muslin list garments` shows all",
+            near.join(", ")
+        );
+        let what = format!("no garment is called {name:?}");
+        Failure::new(Exit::Usage, "unknown-garment", what)
+            .at("--garment")
+            .hint(hint)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_garment_or_fabric_that_is_not_there_names_its_neighbours() {
+        let fault = entry("trouser").err().expect("no such garment");
+        assert_eq!(fault.exit, Exit::Usage);
+        assert!(fault.hint.contains("trousers"), "{fault}");
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        let wear = Wear::parse("tee:demin");
+        let fault = piece(&avatar, &wear, &DressOptions::default()).expect_err("no such fabric");
+        assert!(fault.to_string().contains("denim"), "{fault}");
+    }
+
+    #[test]
+    fn every_entry_of_the_wardrobe_can_be_made() {
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        let options = DressOptions {
+            edge: 0.025,
+            ..Default::default()
+        };
+        for e in &WARDROBE {
+            let made = piece(&avatar, &Wear::parse(e.name), &options).expect("it can be made");
+            assert!(made.garment.faces.len() > 500, "{}", e.name);
+        }
+    }
+}
