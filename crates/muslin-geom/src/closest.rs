@@ -113,6 +113,17 @@ pub struct Closest {
     pub signed: f64,
 }
 
+/// Where a straight way passes through a [`Surface`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// Share of the way, `0..=1`.
+    pub at: f64,
+    /// The triangle.
+    pub face: u32,
+    /// Whether the way comes from behind the triangle, as from inside to outside.
+    pub leaves: bool,
+}
+
 /// A triangle surface that answers how far a point is, and on which side.
 ///
 /// The side is told by angle-weighted pseudo-normals, which is exact for a closed surface
@@ -236,20 +247,34 @@ impl Surface {
     }
 
     /// How many times the surface winds around `p`: 1 inside a closed surface, 0 outside, 2 where
-    /// it overlaps itself. A ray's signed crossings are counted.
+    /// it overlaps itself. The signed crossings of a ray are counted.
     pub fn winding(&self, p: DVec3) -> i32 {
         // A direction no model is aligned with, so that rays rarely graze edges.
         let dir = DVec3::new(0.310_7, 0.912_3, 0.266_1);
-        let inv = dir.recip();
-        let hits = |b: &Aabb| {
+        let mut turns = 0;
+        self.along(p, dir * 1e3, |crossing| {
+            turns += if crossing.leaves { 1 } else { -1 }
+        });
+        turns
+    }
+
+    /// Calls `visit` with every triangle that the straight way from `p` by `d` [m] passes
+    /// through, in no particular order. A way that grazes an edge may miss it.
+    pub fn along(&self, p: DVec3, d: DVec3, mut visit: impl FnMut(Crossing)) {
+        let inv = d.recip();
+        let meets = |b: &Aabb| {
             let (a, b) = ((b.min - p) * inv, (b.max - p) * inv);
-            let (near, far) = (a.min(b).max_element().max(0.0), a.max(b).min_element());
+            let (near, far) = (
+                a.min(b).max_element().max(0.0),
+                a.max(b).min_element().min(1.0),
+            );
             near <= far
         };
-        let mut turns = 0;
-        self.bvh
-            .each(hits, &mut |f| turns += crossing(p, dir, &self.corners(f)));
-        turns
+        self.bvh.each(meets, &mut |face| {
+            if let Some((at, leaves)) = crossing(p, d, &self.corners(face)) {
+                visit(Crossing { at, face, leaves });
+            }
+        });
     }
 
     fn find_normals(&mut self) {
@@ -278,22 +303,17 @@ fn corner_angle(x: &[DVec3; 3], k: usize) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
 }
 
-/// +1 where the ray leaves through the triangle, -1 where it enters, 0 where it misses.
-fn crossing(p: DVec3, dir: DVec3, t: &[DVec3; 3]) -> i32 {
+/// Where the way from `p` by `d` passes through a triangle, and whether along its normal.
+fn crossing(p: DVec3, d: DVec3, t: &[DVec3; 3]) -> Option<(f64, bool)> {
     let [a, b, c] = t.map(|v| v - p);
-    let (u, v, w) = (
-        dir.dot(c.cross(b)),
-        dir.dot(a.cross(c)),
-        dir.dot(b.cross(a)),
-    );
-    let all = |s: f64| u * s > 0.0 && v * s > 0.0 && w * s > 0.0;
-    let ahead = |det: f64| (a * u + b * v + c * w).dot(dir) * det > 0.0;
-    let det = u + v + w;
-    if (all(1.0) || all(-1.0)) && ahead(det) {
-        if det < 0.0 { 1 } else { -1 }
-    } else {
-        0
+    let (u, v, w) = (d.dot(c.cross(b)), d.dot(a.cross(c)), d.dot(b.cross(a)));
+    let same = (u > 0.0 && v > 0.0 && w > 0.0) || (u < 0.0 && v < 0.0 && w < 0.0);
+    if !same {
+        return None;
     }
+    let det = u + v + w;
+    let at = (a * u + b * v + c * w).dot(d) / (det * d.length_squared());
+    (at > 0.0 && at <= 1.0).then_some((at, det < 0.0))
 }
 
 /// Numbers the edges of `faces` in the order of their first use.

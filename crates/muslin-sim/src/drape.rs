@@ -17,6 +17,7 @@ use crate::{
     newton::Problem,
     ordered,
     pairs::{Pair, Rule},
+    pattern::Rows,
     quality::{self, Settled},
     safe,
     touch::Touch,
@@ -128,7 +129,7 @@ type Held = DVec3;
 /// Slack of the neighbour lists [m].
 const SLACK: f64 = 4e-3;
 /// Sub-moves of one step, at most.
-const SUB_MOVES: usize = 4;
+const SUB_MOVES: usize = 6;
 
 impl<'a> Stage<'a> {
     fn new(
@@ -205,10 +206,9 @@ impl<'a> Stage<'a> {
         let mut h = self.options.step;
         for _ in 0..5 {
             let drift: Vec<DVec3> = self.v.iter().map(|v| *v * h).collect();
-            let target: Vec<DVec3> = from.iter().zip(&drift).map(|(x, d)| *x + *d).collect();
-            self.go(drift);
-            if let Some(moves) = self.solve(&target, h) {
-                self.go(moves);
+            self.go(&drift);
+            if let Some(moves) = self.solve(&from, &drift, h) {
+                self.go(&moves);
                 self.finish_step(&from, h, keep);
                 return Ok(());
             }
@@ -220,38 +220,45 @@ impl<'a> Stage<'a> {
     }
 
     fn finish_step(&mut self, from: &[DVec3], h: f64, keep: f64) {
-        let most = SPEED;
-        for i in 0..from.len() {
-            self.v[i] = ((self.x[i] - from[i]) * (keep / h)).clamp_length_max(most);
-        }
+        let x = &self.x;
+        let raw = ordered::map(x.len(), |i| {
+            ((x[i] - from[i]) * (keep / h)).clamp_length_max(SPEED)
+        });
+        self.v = smooth(raw, &self.weave.pattern.near);
         self.before.clone_from(&self.x);
         self.body.stand();
         self.steps += 1;
     }
 
-    /// One Newton step from the present position.
-    fn solve(&mut self, target: &[DVec3], h: f64) -> Option<Vec<DVec3>> {
+    /// One Newton step, from where the cloth drifted to or from where it was, if that costs less.
+    fn solve(&mut self, from: &[DVec3], drift: &[DVec3], h: f64) -> Option<Vec<DVec3>> {
         let touches = self.touches(h);
         let rule = self.rule(h);
         let pairs = self.pairs(&rule);
-        let pins = self.pin_targets();
         let problem = Problem {
             weave: self.weave,
-            target,
+            target: &from
+                .iter()
+                .zip(drift)
+                .map(|(x, d)| *x + *d)
+                .collect::<Vec<_>>(),
             step: h,
             gravity: self.options.gravity,
             touches: &touches,
             pairs: &pairs,
             barrier: rule.barrier,
-            pins: &pins,
+            pins: &self.pin_targets(),
         };
-        let effort = Effort {
-            iterations: self.options.iterations,
-            tolerance: 1e-3,
-        };
-        let mut moves = problem.descend(&self.x, &effort)?;
-        keep_out(&touches, &self.x, &mut moves);
-        Some(moves)
+        if problem.energy(from) < problem.energy(&self.x) {
+            self.x.copy_from_slice(from);
+        }
+        problem.descend(
+            &self.x,
+            &Effort {
+                iterations: self.options.iterations,
+                tolerance: 1e-3,
+            },
+        )
     }
 
     fn skin(&self, h: f64) -> Skin {
@@ -296,7 +303,7 @@ impl<'a> Stage<'a> {
     }
 
     fn pairs(&mut self, rule: &Rule) -> Vec<Pair> {
-        self.look_around();
+        self.look_around(rule.barrier.radius);
         let (list, x) = (&self.near.list, &self.x);
         let found = ordered::map(list.len(), |k| Pair::at(&list[k], x, rule));
         found.into_iter().flatten().collect()
@@ -314,9 +321,9 @@ impl<'a> Stage<'a> {
         self.pins.iter().map(at).collect()
     }
 
-    /// Makes the neighbour list good for the present position.
-    fn look_around(&mut self) {
-        if self.near.covers(&self.x, self.weave.radius) {
+    /// Makes the neighbour list hold every pair that is, or may come, within `distance` [m].
+    fn look_around(&mut self, distance: f64) {
+        if self.near.covers(&self.x, distance) {
             return;
         }
         let reach = self.weave.radius + SLACK;
@@ -326,22 +333,20 @@ impl<'a> Stage<'a> {
         self.near.list.retain(free);
     }
 
-    /// Moves the cloth as far along `moves` [m] as it can go without passing through itself.
-    fn go(&mut self, mut moves: Vec<DVec3>) {
-        for _ in 0..SUB_MOVES {
-            self.look_around();
-            let budget = 0.45 * SLACK;
-            let mut part: Vec<DVec3> = moves.iter().map(|m| m.clamp_length_max(budget)).collect();
-            let whole = part == moves;
-            let wanted = part.clone();
+    /// Moves the cloth along `moves` [m], as far as it can go without passing through itself.
+    ///
+    /// The way is cut into pieces that the neighbour list covers. Where that takes too many, all
+    /// of the cloth goes less far: a share of a descent still descends, a distorted one may not.
+    fn go(&mut self, moves: &[DVec3]) {
+        let budget = 0.45 * SLACK;
+        let longest = moves.iter().map(|m| m.length()).fold(0.0, f64::max);
+        let pieces = ((longest / budget).ceil() as usize).clamp(1, SUB_MOVES);
+        let share = (1.0 / pieces as f64).min(budget / longest.max(f64::MIN_POSITIVE));
+        for _ in 0..pieces {
+            self.look_around(2.0 * share * longest);
+            let mut part: Vec<DVec3> = moves.iter().map(|m| *m * share).collect();
             safe::slow_down(&self.near.list, &self.x, &mut part);
-            for i in 0..part.len() {
-                self.x[i] += part[i];
-                moves[i] -= wanted[i];
-            }
-            if whole {
-                return;
-            }
+            self.x.iter_mut().zip(part).for_each(|(x, p)| *x += p);
         }
     }
 
@@ -425,7 +430,7 @@ const CLOTH_STIFFNESS: f64 = 150.0;
 /// Speed below which cloth sticks [m/s].
 const STICK: f64 = 2e-3;
 /// No vertex starts a step faster than this [m/s].
-const SPEED: f64 = 2.0;
+const SPEED: f64 = 0.4;
 /// Rounds of cleaning at the end.
 const CLEANINGS: usize = 12;
 /// What a round adds to the distance kept from the skin, and the most it may add up to [m].
@@ -439,15 +444,19 @@ const SAMPLES: [[f64; 3]; 4] = [
     [0.5, 0.0, 0.5],
 ];
 
-/// Takes from `moves` what would bring cloth from outside the skin to below half its gap.
-fn keep_out(touches: &[Touch], x: &[DVec3], moves: &mut [DVec3]) {
-    for touch in touches.iter().filter(|t| t.face.is_none()) {
-        let i = touch.verts[0] as usize;
-        let gap = touch.gap(x);
-        let least = gap.min(0.4 * touch.barrier.radius);
-        let short = least - (gap + moves[i].dot(touch.normal));
-        if gap > 0.0 && short > 0.0 {
-            moves[i] += touch.normal * short;
-        }
+/// The mean of each velocity and its neighbours', a few times over.
+///
+/// Stands for the air and the rubbing yarns, which calm a ripple far sooner than a swing; and it
+/// takes out what one Newton step leaves unsolved between neighbours.
+fn smooth(mut v: Vec<DVec3>, near: &Rows) -> Vec<DVec3> {
+    for _ in 0..SMOOTHINGS {
+        let mean = |i: usize| {
+            let row = near.row(i);
+            row.iter().map(|&j| v[j as usize]).sum::<DVec3>() / row.len() as f64
+        };
+        v = ordered::map(v.len(), mean);
     }
+    v
 }
+
+const SMOOTHINGS: usize = 3;

@@ -131,6 +131,7 @@ impl Problem<'_> {
         let (mut moves, _) = matrix.solve(&down, effort);
         let first = self.energy(x);
         for _ in 0..HALVINGS {
+            touch::keep_out(self.touches, x, &mut moves);
             let there: Vec<DVec3> = x.iter().zip(&moves).map(|(x, m)| *x + *m).collect();
             let energy = self.energy(&there);
             // A rise within rounding of the sum is no rise.

@@ -93,3 +93,18 @@ pub(crate) fn add(
         }
     }
 }
+
+/// Takes from `moves` what would bring cloth from outside the skin to below half its gap.
+///
+/// A touch that has not begun has no stiffness yet, so that a solve would fall through it.
+pub(crate) fn keep_out(touches: &[Touch], x: &[DVec3], moves: &mut [DVec3]) {
+    for touch in touches.iter().filter(|t| t.face.is_none()) {
+        let i = touch.verts[0] as usize;
+        let gap = touch.gap(x);
+        let least = gap.min(0.5 * touch.barrier.radius);
+        let short = least - (gap + moves[i].dot(touch.normal));
+        if gap > 0.0 && short > 0.0 {
+            moves[i] += touch.normal * short;
+        }
+    }
+}
