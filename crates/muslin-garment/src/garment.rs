@@ -31,6 +31,8 @@ pub struct Garment {
     pub pins: Vec<u32>,
     /// The openings.
     pub rims: Vec<Rim>,
+    /// How far each vertex lies off the tights on the default body [m].
+    offset: Vec<DVec3>,
     net: Net,
 }
 
@@ -52,8 +54,11 @@ pub struct Worn {
     pub rest: Vec<[DVec2; 3]>,
 }
 
-/// Slides of the mesh over its form when it is made, and when it is put on.
-const SETTLE: usize = 50;
+/// Slides of a new mesh over its form.
+const SETTLE: usize = 40;
+
+/// Slides of a finished mesh over the form of a body.
+const SETTLE_AGAIN: usize = 30;
 
 /// Room between two layers of cloth [m].
 const BETWEEN_LAYERS: f64 = 0.004;
@@ -65,8 +70,7 @@ impl Garment {
         let base = avatar.figure(&Shape::default())?;
         let map = BodyMap::new(avatar, &base)?;
         let stand = Stand::new(&map, &base);
-        let sheet = mesh(recipe, &stand)?;
-        let x = sheet.at(&base.verts);
+        let (sheet, x) = mesh(recipe, &stand)?;
         let net = Net::new(sheet.faces, sheet.rows.len());
         let rims = name_rims(recipe, &net, &x);
         let mut binding = Sparse::new();
@@ -83,6 +87,11 @@ impl Garment {
             binding,
             pins: pins(&rims),
             rims,
+            offset: x
+                .iter()
+                .zip(&sheet.rows)
+                .map(|(x, r)| *x - blend(r, &base.verts))
+                .collect(),
             net,
         };
         let x = garment.settled(&stand, &[], None);
@@ -163,14 +172,18 @@ impl Garment {
         under: &[(Surface, Vec<bool>)],
         tuck: Option<f64>,
     ) -> Vec<DVec3> {
-        let mut x: Vec<DVec3> = self.binding.rows().map(|r| blend(r, stand.verts)).collect();
+        let rows = self.binding.rows().zip(&self.offset);
+        let scale = stand.scale();
+        let mut x: Vec<DVec3> = rows
+            .map(|(r, o)| blend(r, stand.verts) + *o * scale)
+            .collect();
         let mut form = self.recipe.form(stand, tuck);
         for (surface, rim) in under {
             form.parts.push(Solid::Cloth(surface, rim, BETWEEN_LAYERS));
         }
         self.net.round_rims(&mut x, 10);
         let tracks = self.tracks(stand, &x);
-        self.net.settle(&form, &mut x, &tracks, SETTLE);
+        self.net.settle(&form, &mut x, &tracks, SETTLE_AGAIN);
         x
     }
 
@@ -212,10 +225,10 @@ fn share(values: &[f64], rows: [&Row; 3]) -> f64 {
 }
 
 /// Cut from the tights, remeshed there, laid on the form, and remeshed on it.
-fn mesh(recipe: &Recipe, stand: &Stand) -> Result<Sheet, GarmentError> {
+fn mesh(recipe: &Recipe, stand: &Stand) -> Result<(Sheet, Vec<DVec3>), GarmentError> {
     let sheet = recipe.cut(stand, Sheet::whole(stand.map));
     let on_body = sheet.at(stand.verts);
-    let rough = sheet.remeshed(on_body, 1.1 * recipe.edge().max(0.012));
+    let (rough, _) = sheet.remeshed(on_body, 1.1 * recipe.edge().max(0.012), 4);
     let mut x = rough.at(stand.verts);
     let net = Net::new(rough.faces.clone(), x.len());
     net.round_rims(&mut x, 10);
@@ -226,9 +239,8 @@ fn mesh(recipe: &Recipe, stand: &Stand) -> Result<Sheet, GarmentError> {
         .map(|r| recipe.track(stand, r.opening, &at(r)))
         .collect();
     net.settle(&recipe.form(stand, None), &mut x, &tracks, SETTLE);
-    rough
-        .remeshed(x, recipe.edge())
-        .bound(stand.verts, &stand.tights())
+    let (fine, x) = rough.remeshed(x, recipe.edge(), 6);
+    Ok((fine.bound(stand.verts, &stand.tights())?, x))
 }
 
 fn name_rims(recipe: &Recipe, net: &Net, x: &[DVec3]) -> Vec<Rim> {

@@ -28,7 +28,7 @@ pub(crate) fn flatten(x: &[DVec3], faces: &[[u32; 3]], laid: &[Laid]) -> Vec<[DV
         .iter()
         .map(|f| lay_flat(f.map(|i| x[i as usize])))
         .collect();
-    let solved = charts.rigid(&local, guess, 25);
+    let solved = charts.rigid(&local, guess, 10);
     charts
         .corner
         .iter()
@@ -128,7 +128,7 @@ impl Charts {
                     right[c[j] as usize] -= pull;
                 }
             }
-            uv = self.solve(&weights, &right, uv, 60);
+            uv = self.solve(&weights, &right, uv, 40);
         }
         uv
     }

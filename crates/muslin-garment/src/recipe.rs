@@ -140,7 +140,8 @@ impl Recipe {
         match (self, opening) {
             (_, Opening::Neck) => Track::Free,
             (Recipe::Tee(r), Opening::Cuff(side)) => {
-                Track::Plane(middle, r.sleeve_axis(stand, side).along)
+                let (point, across) = r.cuff(stand, side);
+                Track::Plane(point, across)
             }
             _ => Track::Plane(middle, DVec3::Y),
         }

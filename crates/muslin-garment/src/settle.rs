@@ -67,32 +67,61 @@ impl Net {
 
     /// Slides `x` [m] over `form` until the triangles are even, `times` times.
     ///
+    /// Where a fold of the body squeezed them it goes on, up to eight times as long.
     /// `tracks` has one entry per loop.
     pub fn settle(&self, form: &Form, x: &mut [DVec3], tracks: &[Track], times: usize) {
         let mut near = vec![Near::default(); x.len()];
-        for round in 0..times + 3 {
-            let old = &*x;
-            let last = round >= times;
-            let mut new = old.to_vec();
-            new.par_iter_mut()
-                .zip(&mut near)
-                .enumerate()
-                .for_each(|(i, (p, near))| {
-                    if !last {
-                        *p += self.step(i, old);
-                    }
-                    let steps = if round < 2 || last { 8 } else { 1 };
-                    *p = match self.rim[i].map(|r| tracks[r.1]) {
-                        None => form.project(*p, steps, near),
-                        Some(Track::Free) => form.project(*p, steps, near),
-                        Some(Track::Plane(at, across)) => {
-                            let flat = *p - across * (*p - at).dot(across);
-                            form.project_within(flat, steps, near, |v| v - across * v.dot(across))
-                        }
-                    };
-                });
-            x.copy_from_slice(&new);
+        for part in 0..8 {
+            for round in 0..times {
+                let steps = if part + round < 2 { 8 } else { 1 };
+                self.round(form, x, tracks, &mut near, (0.8, steps));
+            }
+            if self.squeezed(x) <= 2 {
+                break;
+            }
         }
+        for _ in 0..3 {
+            self.round(form, x, tracks, &mut near, (0.0, 8));
+        }
+    }
+
+    /// One slide of all vertices by a share of the way to evenness, and Newton steps back.
+    fn round(
+        &self,
+        form: &Form,
+        x: &mut [DVec3],
+        tracks: &[Track],
+        near: &mut [Near],
+        (share, steps): (f64, usize),
+    ) {
+        let old = &*x;
+        let mut new = old.to_vec();
+        new.par_iter_mut()
+            .zip(near)
+            .enumerate()
+            .for_each(|(i, (p, near))| {
+                *p += self.step(i, old) * share;
+                *p = match self.rim[i].map(|r| tracks[r.1]) {
+                    None | Some(Track::Free) => form.project(*p, steps, near),
+                    Some(Track::Plane(at, across)) => {
+                        let flat = *p - across * (*p - at).dot(across);
+                        form.project_within(flat, steps, near, |v| v - across * v.dot(across))
+                    }
+                };
+            });
+        x.copy_from_slice(&new);
+    }
+
+    /// How many triangles have an angle below 15 degrees.
+    fn squeezed(&self, x: &[DVec3]) -> usize {
+        let sharp = |f: &&[u32; 3]| {
+            let p = f.map(|i| x[i as usize]);
+            (0..3).any(|k| {
+                let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
+                a.cross(b).length() < a.dot(b) * 0.268
+            })
+        };
+        self.faces.iter().filter(sharp).count()
     }
 
     /// Towards the middle of the neighbours; on a rim, along it.
@@ -103,11 +132,11 @@ impl Net {
         if let Some(([p, n], _)) = self.rim[i] {
             let (p, n) = (x[p as usize], x[n as usize]);
             let along = (n - p).normalize_or_zero();
-            return along * along.dot((p + n) * 0.5 - x[i]) * 0.7;
+            return along * along.dot((p + n) * 0.5 - x[i]);
         }
         let ring = &self.neighbours[i];
         let sum: DVec3 = ring.iter().map(|&j| x[j as usize]).sum();
-        (sum / ring.len().max(1) as f64 - x[i]) * 0.8
+        sum / ring.len().max(1) as f64 - x[i]
     }
 
     /// Rounds off the rims that are not cut by a plane, without shrinking them.

@@ -85,21 +85,26 @@ impl Sheet {
         }
     }
 
-    /// Even triangles with edges of about `edge` [m] where the vertices are at `x` [m].
-    pub fn remeshed(&self, x: Vec<DVec3>, edge: f64) -> Sheet {
+    /// Even triangles with edges of about `edge` [m] where the vertices are at `x` [m], by so
+    /// many rounds of remeshing, and where the new vertices are.
+    pub fn remeshed(&self, x: Vec<DVec3>, edge: f64, rounds: usize) -> (Sheet, Vec<DVec3>) {
         let mesh = Mesh {
             verts: x,
             faces: self.faces.clone(),
         };
-        let made = remesh(&mesh, RemeshOptions { edge, rounds: 7 });
+        let made = remesh(&mesh, RemeshOptions { edge, rounds });
         let row = |o: &muslin_geom::OnFace| {
             let f = self.faces[o.face as usize];
             mix(&[0, 1, 2].map(|k| (&self.rows[f[k] as usize], o.weights[k])))
         };
-        Sheet {
-            rows: made.origin.iter().map(row).collect(),
-            faces: made.mesh.faces,
-        }
+        let rows = made.origin.iter().map(row).collect();
+        (
+            Sheet {
+                rows,
+                faces: made.mesh.faces,
+            },
+            made.mesh.verts,
+        )
     }
 
     /// The same places on the tights, each as three weights of one triangle.

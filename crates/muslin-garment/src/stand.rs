@@ -47,6 +47,8 @@ pub(crate) struct Stand<'a> {
     pub limbs: [Limbs; 2],
     /// The lowest place of the trunk, between the legs [m].
     pub crotch: DVec3,
+    /// The armpits [m].
+    pub armpits: [DVec3; 2],
     /// Height of the armpits [m].
     pub armpit: f64,
 }
@@ -139,6 +141,7 @@ impl<'a> Stand<'a> {
             skin: Surface::new(verts, &map.collision),
             limbs,
             crotch: verts[map.crotch as usize],
+            armpits: map.armpit.map(|i| verts[i as usize]),
             armpit: (y(map.armpit[0]) + y(map.armpit[1])) / 2.0,
             map,
             verts,

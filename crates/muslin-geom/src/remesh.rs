@@ -53,14 +53,14 @@ pub fn remesh(surface: &Mesh, options: RemeshOptions) -> Remeshed {
         sheet.split(4.0 / 3.0 * options.edge);
         sheet.collapse(4.0 / 5.0 * options.edge);
         let regular = round + 2 < options.rounds;
-        for _ in 0..4 {
+        for _ in 0..3 {
             if regular {
                 sheet.flip_for_valence()
             } else {
                 sheet.flip_for_angles()
             };
         }
-        sheet.slide(if regular { 4 } else { 8 });
+        sheet.slide(if regular { 2 } else { 5 });
     }
     for _ in 0..4 {
         sheet.flip_for_angles();

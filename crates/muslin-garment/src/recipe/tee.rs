@@ -38,6 +38,9 @@ const ON_ARM: f64 = 0.005;
 /// Height of the neckline's back above the middle of the leaning neck [m].
 const NAPE: f64 = -0.022;
 
+/// Least length of a sleeve beyond the armpit [m].
+const BEYOND_PIT: f64 = 0.055;
+
 impl Default for Tee {
     fn default() -> Tee {
         Tee::new(Cut::Regular)
@@ -85,14 +88,25 @@ impl Tee {
         Axis::new(limbs.shoulder, self.sleeve_end(stand, side), DVec3::Z)
     }
 
-    /// Where the arm's axis leaves the sleeve [m].
+    /// Where the arm's axis leaves the sleeve [m]: not before the sleeve has left the trunk.
     fn sleeve_end(&self, stand: &Stand, side: Side) -> DVec3 {
         let limbs = &stand.limbs[side.index()];
-        if self.sleeve <= 1.0 {
+        let end = if self.sleeve <= 1.0 {
             limbs.shoulder.lerp(limbs.elbow, self.sleeve)
         } else {
             limbs.elbow.lerp(limbs.wrist, self.sleeve - 1.0)
-        }
+        };
+        let axis = Axis::new(limbs.shoulder, end, DVec3::Z);
+        let pit = axis.coordinates(stand.armpits[side.index()]).0 + BEYOND_PIT;
+        end + axis.along * (pit - (end - limbs.shoulder).length()).max(0.0)
+    }
+
+    /// The plane that a sleeve ends in.
+    pub(crate) fn cuff(&self, stand: &Stand, side: Side) -> (DVec3, DVec3) {
+        (
+            self.sleeve_end(stand, side),
+            self.sleeve_axis(stand, side).along,
+        )
     }
 
     pub(crate) fn cut(&self, stand: &Stand, whole: Sheet) -> Sheet {

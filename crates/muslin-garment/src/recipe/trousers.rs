@@ -47,9 +47,9 @@ impl Trousers {
     /// Long trousers of this cut.
     pub fn new(cut: Cut) -> Trousers {
         let (hip, thigh, taper) = match cut {
-            Cut::Slim => (0.03, 0.03, 0.62),
-            Cut::Regular => (0.06, 0.07, 0.74),
-            Cut::Loose => (0.12, 0.13, 0.85),
+            Cut::Slim => (0.03, 0.03, 0.56),
+            Cut::Regular => (0.06, 0.07, 0.66),
+            Cut::Loose => (0.12, 0.13, 0.78),
         };
         Trousers {
             waist_ease: 0.03,

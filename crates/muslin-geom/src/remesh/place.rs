@@ -83,6 +83,10 @@ impl<'a> Reference<'a> {
     fn across_faces(&self, start: u32, x: DVec3) -> OnFace {
         let (mut best, mut distance) = self.on_face(start, x);
         loop {
+            if best.weights.iter().all(|w| *w > 1e-9) {
+                // Straight below `x`: on a smooth surface no neighbour is closer.
+                return best;
+            }
             let here = best.face;
             let corners = self.mesh.faces[here as usize];
             for t in corners.iter().flat_map(|&i| &self.touching[i as usize]) {
