@@ -1,6 +1,5 @@
 //! Levenberg-Marquardt on rotations.
 
-use crate::FitError;
 use crate::guess::Guess;
 use crate::problem::{Problem, Skin};
 use crate::system::System;
@@ -29,8 +28,8 @@ pub struct Descent {
 const FLOOR: f64 = 1.0;
 
 /// Minimises the problem from `start`.
-pub fn descend(problem: &Problem, start: Guess, patience: Patience) -> Result<Descent, FitError> {
-    let mut skin = problem.skin(&start, None, true)?;
+pub fn descend(problem: &Problem, start: Guess, patience: Patience) -> Descent {
+    let mut skin = problem.skin(&start, None, true);
     let mut at = Descent { cost: problem.cost(&start, &skin), guess: start, steps: 0 };
     let mut lambda = 1e-3;
     while at.steps < patience.steps && at.cost.is_finite() {
@@ -38,7 +37,7 @@ pub fn descend(problem: &Problem, start: Guess, patience: Patience) -> Result<De
         let system = equations(problem, &at.guess, &skin);
         let before = at.cost;
         while lambda < 1e9 {
-            match attempt(problem, &system, &at, &skin, lambda)? {
+            match attempt(problem, &system, &at, &skin, lambda) {
                 Some((guess, found, cost)) => {
                     (at.guess, at.cost, skin) = (guess, cost, found);
                     lambda = (lambda * 0.1).max(1e-9);
@@ -50,9 +49,9 @@ pub fn descend(problem: &Problem, start: Guess, patience: Patience) -> Result<De
         if at.cost >= before * (1.0 - patience.saving) {
             break;
         }
-        skin = problem.skin(&at.guess, Some(skin), true)?;
+        skin = problem.skin(&at.guess, Some(skin), true);
     }
-    Ok(at)
+    at
 }
 
 fn equations(problem: &Problem, guess: &Guess, skin: &Skin) -> System {
@@ -78,11 +77,11 @@ fn attempt(
     at: &Descent,
     skin: &Skin,
     lambda: f64,
-) -> Result<Option<(Guess, Skin, f64)>, FitError> {
-    let Some(step) = system.solve(lambda, FLOOR) else { return Ok(None) };
+) -> Option<(Guess, Skin, f64)> {
+    let step = system.solve(lambda, FLOOR)?;
     let mut guess = at.guess.step(&problem.columns(), &step);
     problem.shapes.clamp(&mut guess.shape);
-    let skin = problem.skin(&guess, Some(skin.clone()), false)?;
+    let skin = problem.skin(&guess, Some(skin.clone()), false);
     let cost = problem.cost(&guess, &skin);
-    Ok((cost < at.cost).then_some((guess, skin, cost)))
+    (cost < at.cost).then_some((guess, skin, cost))
 }

@@ -5,12 +5,14 @@ use crate::fold::Folded;
 use glam::DVec3;
 use muslin_body::{Avatar, PHENOTYPES, Shape};
 
-/// A shape parameter that the solver may change.
+/// Where the height stands in [`PHENOTYPES`].
+const HEIGHT: usize = 4;
+
+/// A shape parameter that the solver may change, made ready.
 #[derive(Debug, Clone)]
-struct Free {
+pub struct Free {
     name: String,
     kind: Kind,
-    prior: f64,
     spread: f64,
 }
 
@@ -25,30 +27,50 @@ enum Kind {
 /// Shapes around `base`, by the values of their free parameters.
 #[derive(Debug, Clone)]
 pub struct Shapes<'a> {
-    avatar: &'a Avatar,
     folded: &'a Folded,
     base: Shape,
-    free: Vec<Free>,
+    free: &'a [Free],
+    /// What the sliders that are not free add to the features of every shape.
+    fixed: Vec<DVec3>,
+}
+
+impl Free {
+    /// Makes phenotypes and sliders ready: name, and how far people stray.
+    pub fn list(avatar: &Avatar, folded: &Folded, free: &[(&str, f64)]) -> Result<Vec<Free>, FitError> {
+        let one = |&(name, spread): &(&str, f64)| {
+            let phenotype = PHENOTYPES.iter().position(|p| *p == name);
+            let kind = match phenotype {
+                Some(i) => Kind::Phenotype(i),
+                None => Kind::Slider(folded.slider(avatar, name)?),
+            };
+            Ok(Free { name: name.to_string(), kind, spread })
+        };
+        free.iter().map(one).collect()
+    }
+
+    fn prior(&self, base: &Shape) -> f64 {
+        match self.kind {
+            Kind::Phenotype(i) => base.phenotypes[i],
+            Kind::Slider(_) => base.locals.iter().find(|l| l.0 == self.name).map_or(0.0, |l| l.1),
+        }
+    }
 }
 
 impl<'a> Shapes<'a> {
-    /// Shapes that differ from `base` in the phenotypes and sliders `free`: name and spread.
+    /// Shapes that differ from `base` in `free`.
     pub fn new(
-        avatar: &'a Avatar,
+        avatar: &Avatar,
         folded: &'a Folded,
         base: &Shape,
-        free: &[(&str, f64)],
+        free: &'a [Free],
     ) -> Result<Shapes<'a>, FitError> {
-        let mut list = Vec::new();
-        for &(name, spread) in free {
-            let phenotype = PHENOTYPES.iter().position(|p| *p == name);
-            let (kind, prior) = match phenotype {
-                Some(i) => (Kind::Phenotype(i), base.phenotypes[i]),
-                None => (Kind::Slider(folded.slider(avatar, name)?), local(base, name)),
-            };
-            list.push(Free { name: name.to_string(), kind, prior, spread });
+        let mut fixed = vec![DVec3::ZERO; folded.n_features()];
+        for (name, value) in &base.locals {
+            if !free.iter().any(|f| f.name == *name) {
+                add_side(&mut fixed, &folded.slider(avatar, name)?, *value);
+            }
         }
-        Ok(Shapes { avatar, folded, base: base.clone(), free: list })
+        Ok(Shapes { folded, base: base.clone(), free, fixed })
     }
 
     /// How many parameters are free.
@@ -58,12 +80,12 @@ impl<'a> Shapes<'a> {
 
     /// Their values at the base shape.
     pub fn start(&self) -> Vec<f64> {
-        self.free.iter().map(|f| f.prior).collect()
+        self.free.iter().map(|f| f.prior(&self.base)).collect()
     }
 
     /// Expected value and spread of parameter `i`.
     pub fn prior(&self, i: usize) -> (f64, f64) {
-        (self.free[i].prior, self.free[i].spread)
+        (self.free[i].prior(&self.base), self.free[i].spread)
     }
 
     /// Brings values into the ranges that shapes may have.
@@ -90,22 +112,17 @@ impl<'a> Shapes<'a> {
     }
 
     /// The features of that shape [m].
-    pub fn features(&self, values: &[f64]) -> Result<Vec<DVec3>, FitError> {
-        let mut shape = self.base.clone();
+    pub fn features(&self, values: &[f64]) -> Vec<DVec3> {
+        let mut phenotypes = self.base.phenotypes;
+        let mut features = self.fixed.clone();
         for (free, &value) in self.free.iter().zip(values) {
-            match free.kind {
-                Kind::Phenotype(i) => shape.phenotypes[i] = value,
-                Kind::Slider(_) => shape.locals.retain(|l| l.0 != free.name),
+            match &free.kind {
+                Kind::Phenotype(i) => phenotypes[*i] = value,
+                Kind::Slider(sides) => add_side(&mut features, sides, value),
             }
         }
-        let mut features = self.folded.features(self.avatar, &shape)?;
-        for (free, &value) in self.free.iter().zip(values) {
-            if let Kind::Slider(sides) = &free.kind {
-                let side = &sides[usize::from(value < 0.0)];
-                features.iter_mut().zip(side).for_each(|(f, d)| *f += value.abs() * *d);
-            }
-        }
-        Ok(features)
+        self.folded.add_phenotypes(&phenotypes, &mut features);
+        features
     }
 
     /// `∂features/∂value` for every free parameter.
@@ -127,6 +144,41 @@ impl<'a> Shapes<'a> {
     }
 }
 
-fn local(shape: &Shape, name: &str) -> f64 {
-    shape.locals.iter().find(|l| l.0 == name).map_or(0.0, |l| l.1)
+/// `shape` with the height phenotype that makes it exactly `metres` tall.
+///
+/// The folded body's crown and sole are two points; the highest and lowest vertex may be
+/// others, so the difference is measured once and taken as constant.
+pub fn of_height(
+    avatar: &Avatar,
+    folded: &Folded,
+    shape: &Shape,
+    metres: f64,
+) -> Result<Shape, FitError> {
+    let fixed = Shapes::new(avatar, folded, shape, &[])?.fixed;
+    let mut tall = shape.clone();
+    let extra = avatar.height_of(&tall)? - folded.stature(&tall.phenotypes, &fixed);
+    for _ in 0..8 {
+        let at = |h: f64| {
+            let mut phenotypes = tall.phenotypes;
+            phenotypes[HEIGHT] = h;
+            folded.stature(&phenotypes, &fixed) + extra - metres
+        };
+        let h = tall.phenotypes[HEIGHT];
+        let slope = (at(h + 1e-4) - at(h - 1e-4)) / 2e-4;
+        let next = (h - at(h) / slope).clamp(0.0, 1.0);
+        tall.phenotypes[HEIGHT] = if next.is_finite() { next } else { h };
+        if (tall.phenotypes[HEIGHT] - h).abs() < 1e-9 {
+            break;
+        }
+    }
+    if (avatar.height_of(&tall)? - metres).abs() < 2e-5 {
+        return Ok(tall);
+    }
+    Ok(shape.with_height(avatar, metres)?)
+}
+
+/// Adds what a slider at `value` does.
+fn add_side(features: &mut [DVec3], [up, down]: &[Vec<DVec3>; 2], value: f64) {
+    let side = if value < 0.0 { down } else { up };
+    features.iter_mut().zip(side).for_each(|(f, d)| *f += value.abs() * *d);
 }

@@ -127,19 +127,22 @@ impl Folded {
         self.groups.iter().position(|g| g == name)
     }
 
-    /// All features of `shape` [m].
-    pub fn features(&self, avatar: &Avatar, shape: &Shape) -> Result<Vec<DVec3>, FitError> {
-        let mut features = self.mean.clone();
-        let weights = self.blend.weights(&shape.phenotypes);
+    /// Adds the features of the body with these phenotypes, without sliders [m].
+    pub fn add_phenotypes(&self, phenotypes: &[f64; 11], features: &mut [DVec3]) {
+        features.iter_mut().zip(&self.mean).for_each(|(f, m)| *f += *m);
+        let weights = self.blend.weights(phenotypes);
         for (mode, w) in self.modes.chunks(self.n_features()).zip(weights) {
             features.iter_mut().zip(mode).for_each(|(f, m)| *f += w * *m);
         }
-        for (name, value) in &shape.locals {
-            let [up, down] = self.slider(avatar, name)?;
-            let (side, amount) = if *value < 0.0 { (down, -value) } else { (up, *value) };
-            features.iter_mut().zip(side).for_each(|(f, d)| *f += amount * d);
-        }
-        Ok(features)
+    }
+
+    /// Crown to sole [m] of the body with these phenotypes, whose other features `fixed` adds.
+    pub fn stature(&self, phenotypes: &[f64; 11], fixed: &[DVec3]) -> f64 {
+        let n = self.n_features();
+        let span = |f: &[DVec3]| f[n - 2].y - f[n - 1].y;
+        let weights = self.blend.weights(phenotypes);
+        let modes = self.modes.chunks(n).zip(weights).map(|(mode, w)| w * span(mode));
+        span(fixed) + span(&self.mean) + modes.sum::<f64>()
     }
 
     /// `∂features/∂phenotype` for each phenotype in `which`.

@@ -4,7 +4,6 @@
 //! twice the logarithm of a probability. Points are robust (Geman-McClure, `ρ = e²/(1+e²/c²)`):
 //! a point that is far off counts like one that is merely off.
 
-use crate::FitError;
 use crate::evidence::{Evidence, Seen};
 use crate::figure::Shapes;
 use crate::fold::{Folded, N_MARKERS};
@@ -27,8 +26,10 @@ pub struct Trust {
     pub focal: (f64, f64),
     /// Spread of the logarithm of the hints' scale.
     pub scale: f64,
-    /// Crown to sole [m], if the shape is free.
+    /// Crown to sole of the folded body [m], if the shape is free.
     pub height: Option<f64>,
+    /// The shape's slopes are taken as good this far from where they were computed.
+    pub slopes_hold: f64,
 }
 
 /// One person to fit.
@@ -62,8 +63,6 @@ const HEIGHT_SPREAD: f64 = 1e-4;
 const LIMIT_SPREAD: f64 = 0.04;
 /// People stand upright more often than not: spread of the trunk's lean.
 const LEAN_SPREAD: f64 = 0.7;
-/// Slopes are good for shapes as near as this.
-const SLOPES_HOLD: f64 = 0.01;
 
 impl<'a> Problem<'a> {
     /// Where the unknowns stand.
@@ -72,20 +71,19 @@ impl<'a> Problem<'a> {
     }
 
     /// Features at the guess's shape; slopes too, from nearby if they are known there.
-    pub fn skin(&self, guess: &Guess, old: Option<Skin>, slopes: bool) -> Result<Skin, FitError> {
-        let features = match &old {
-            Some(skin) if guess.shape.is_empty() => skin.features.clone(),
-            _ => self.shapes.features(&guess.shape)?,
+    pub fn skin(&self, guess: &Guess, old: Option<Skin>, slopes: bool) -> Skin {
+        let hold = self.trust.slopes_hold;
+        let near = |s: &Skin| s.at.iter().zip(&guess.shape).all(|(a, b)| (a - b).abs() < hold);
+        let mut skin = match old {
+            Some(skin) if guess.shape.is_empty() => return skin,
+            Some(skin) => Skin { features: self.shapes.features(&guess.shape), ..skin },
+            None => Skin { features: self.shapes.features(&guess.shape), ..Skin::default() },
         };
-        let near = |s: &Skin| s.at.iter().zip(&guess.shape).all(|(a, b)| (a - b).abs() < SLOPES_HOLD);
-        match old {
-            Some(skin) if !skin.slopes.is_empty() && near(&skin) => Ok(Skin { features, ..skin }),
-            _ if slopes && !guess.shape.is_empty() => {
-                let slopes = self.shapes.slopes(&guess.shape);
-                Ok(Skin { features, slopes, at: guess.shape.clone() })
-            }
-            old => Ok(Skin { features, ..old.unwrap_or_default() }),
+        if slopes && !guess.shape.is_empty() && (skin.slopes.is_empty() || !near(&skin)) {
+            skin.slopes = self.shapes.slopes(&guess.shape);
+            skin.at = guess.shape.clone();
         }
+        skin
     }
 
     /// Joints and markers at the guess.
@@ -202,7 +200,6 @@ impl<'a> Problem<'a> {
     }
 
     fn height_row(&self, height: f64, skin: &Skin, emit: &mut Emit) {
-        let stature = |f: &[DVec3]| f[f.len() - 2].y - f[f.len() - 1].y;
         let first = self.columns().shape();
         let columns: Vec<usize> = (first..self.columns().len()).collect();
         let values: Vec<f64> = skin.slopes.iter().map(|s| stature(s) / HEIGHT_SPREAD).collect();
@@ -220,6 +217,11 @@ impl<'a> Problem<'a> {
             emit(&[first, first + 1, first + 2], &values, turn.y_axis[k] / LEAN_SPREAD, 1.0);
         }
     }
+}
+
+/// Crown to sole of a folded body [m].
+pub fn stature(features: &[DVec3]) -> f64 {
+    features[features.len() - 2].y - features[features.len() - 1].y
 }
 
 /// Rows that draw a joint to where it rests, and back into its range.

@@ -4,11 +4,11 @@ use crate::FitError;
 use crate::camera::Camera;
 use crate::descend::{Descent, Patience, descend};
 use crate::evidence::Evidence;
-use crate::figure::Shapes;
+use crate::figure::{Free, Shapes, of_height};
 use crate::fold::{Folded, N_MARKERS};
 use crate::guess::{Guess, view};
 use crate::joint::Habit;
-use crate::problem::{Problem, Trust};
+use crate::problem::{Problem, Trust, stature};
 use crate::start::Start;
 use crate::{doubts, place};
 use glam::DVec3;
@@ -56,6 +56,7 @@ pub struct Fitter<'a> {
     avatar: &'a Avatar,
     folded: Folded,
     habits: Vec<Option<Habit>>,
+    lengths: Vec<Free>,
 }
 
 /// Fits one body; see [`Fitter::fit`].
@@ -81,6 +82,9 @@ const LEAST_POINTS: usize = 6;
 /// spread of its logarithm: from a telephone's main camera (0.75) to a short tele lens (2.4).
 const FOCAL: (f64, f64) = (1.2, 0.4);
 
+/// How far a detector's places in space stray across and along the view [m].
+const WORLD_SPREAD: [f64; 2] = [0.06, 0.15];
+
 /// First tries are rough, the last one is not.
 const ROUGH: Patience = Patience { steps: 5, saving: 0.05 };
 const FINE: Patience = Patience { steps: 25, saving: 1e-3 };
@@ -89,8 +93,11 @@ impl<'a> Fitter<'a> {
     /// Prepares an avatar. Takes some milliseconds.
     pub fn new(avatar: &'a Avatar) -> Result<Fitter<'a>, FitError> {
         let folded = Folded::new(avatar)?;
-        let habits = habits(&folded, &folded.features(avatar, &Shape::default())?);
-        Ok(Fitter { avatar, folded, habits })
+        let mut features = vec![DVec3::ZERO; folded.n_features()];
+        folded.add_phenotypes(&Shape::default().phenotypes, &mut features);
+        let habits = habits(&folded, &features);
+        let lengths = Free::list(avatar, &folded, &LENGTHS)?;
+        Ok(Fitter { avatar, folded, habits, lengths })
     }
 
     /// Fits shape, pose and camera to the keypoints of one person.
@@ -104,23 +111,27 @@ impl<'a> Fitter<'a> {
         let base = self.base(options)?;
         let focal = options.focal_px.unwrap_or(FOCAL.0 * evidence.longest);
         evidence.turn_from_ray(focal);
+        let rough = Shapes::new(self.avatar, &self.folded, &base, &[])?;
+        let fine = Shapes::new(self.avatar, &self.folded, &base, &self.lengths)?;
         let trust = Trust {
             pixel: 0.012,
-            world: [0.06, 0.09],
+            world: WORLD_SPREAD,
             doubt: Some(3.0),
             priors: true,
             focal: (focal, if options.focal_px.is_some() { 1e-3 } else { FOCAL.1 }),
             scale: 0.3,
-            height: Some(self.avatar.height_of(&base)?),
+            height: Some(stature(&rough.features(&[]))),
+            slopes_hold: 0.2,
         };
-        let descent = self.search(&evidence, trust, &base)?;
-        let shapes = self.shapes(&base, &LENGTHS)?;
-        let height = self.avatar.height_of(&base)?;
-        let mut shape = shapes.shape(&descent.guess.shape).with_height(self.avatar, height)?;
+        let end = self.search(&evidence, trust, [rough, fine.clone()]);
+        let mut shape = fine.shape(&end.guess.shape);
+        let height = options.height_m.map_or_else(|| self.avatar.height_of(&base), Ok)?;
+        shape = of_height(self.avatar, &self.folded, &shape, height)?;
         if let Some(kg) = options.weight_kg {
             shape = of_mass(self.avatar, &shape, height, kg)?;
         }
-        self.finish(&evidence, options, shape, descent)
+        let known = Shapes::new(self.avatar, &self.folded, &shape, &[])?.features(&[]);
+        Ok(self.finish(&evidence, options, (shape, known), end))
     }
 
     #[cfg(test)]
@@ -138,25 +149,22 @@ impl<'a> Fitter<'a> {
         let shape = &options.shape;
         Ok(match (options.height_m, options.weight_kg) {
             (Some(m), Some(kg)) => of_mass(self.avatar, shape, m, kg)?,
-            (Some(m), None) => shape.with_height(self.avatar, m)?,
+            (Some(m), None) => of_height(self.avatar, &self.folded, shape, m)?,
             (None, Some(kg)) => of_mass(self.avatar, shape, self.avatar.height_of(shape)?, kg)?,
             (None, None) => shape.clone(),
         })
     }
 
-    fn shapes(&self, base: &Shape, free: &[(&str, f64)]) -> Result<Shapes<'_>, FitError> {
-        Shapes::new(self.avatar, &self.folded, base, free)
-    }
-
-    fn problem<'p>(&'p self, evidence: &'p Evidence, shapes: Shapes<'p>, trust: Trust) -> Problem<'p> {
-        Problem { folded: &self.folded, shapes, evidence, habits: &self.habits, trust }
-    }
-
-    /// The best descent from all starts.
-    fn search(&self, evidence: &Evidence, trust: Trust, base: &Shape) -> Result<Descent, FitError> {
-        let rough = self.problem(evidence, self.shapes(base, &[])?, trust);
-        let fine = self.problem(evidence, self.shapes(base, &LENGTHS)?, trust);
-        let features = self.folded.features(self.avatar, base)?;
+    /// The best descent from all starts, with `shapes` for rough and for fine tries.
+    fn search(&self, evidence: &Evidence, trust: Trust, shapes: [Shapes; 2]) -> Descent {
+        let features = shapes[0].features(&[]);
+        let [rough, fine] = shapes.map(|shapes| Problem {
+            folded: &self.folded,
+            shapes,
+            evidence,
+            habits: &self.habits,
+            trust,
+        });
         let start = Start {
             folded: &self.folded,
             features: &features,
@@ -166,42 +174,33 @@ impl<'a> Fitter<'a> {
             shape: Vec::new(),
         };
         let shown = if evidence.has_depth() { start.shown() } else { None };
-        let mut tries = Vec::new();
-        match shown {
-            Some(guess) => tries.push(Descent { guess, cost: 0.0, steps: 0 }),
-            None => {
-                for k in 0..8 {
-                    let yaw = k as f64 * std::f64::consts::FRAC_PI_4;
-                    tries.push(descend(&rough, start.turned(yaw), ROUGH)?);
-                }
-            }
-        }
+        let tries = match shown {
+            Some(guess) => vec![Descent { guess, cost: 0.0, steps: 0 }],
+            None => all_round(&rough, &start),
+        };
         let spent: usize = tries.iter().map(|t| t.steps).sum();
-        tries.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let mut best: Option<Descent> = None;
-        for mut tried in tries.into_iter().take(2) {
+        let ends = tries.into_iter().take(2).map(|mut tried| {
             tried.guess.shape = fine.shapes.start();
-            let end = descend(&fine, tried.guess, FINE)?;
-            let steps = end.steps + best.as_ref().map_or(spent, |b| b.steps);
-            let old = best.take().filter(|b| b.cost <= end.cost);
-            best = Some(Descent { steps, ..old.unwrap_or(end) });
-        }
-        best.ok_or(FitError::TooFewPoints { found: evidence.seen.len(), need: LEAST_POINTS })
+            descend(&fine, tried.guess, FINE)
+        });
+        let ends: Vec<Descent> = ends.collect();
+        let steps = spent + ends.iter().map(|e| e.steps).sum::<usize>();
+        let best = ends.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        Descent { steps, ..best.expect("at least one try") }
     }
 
     fn finish(
         &self,
         evidence: &Evidence,
         options: &FitOptions,
-        shape: Shape,
+        (shape, features): (Shape, Vec<DVec3>),
         end: Descent,
-    ) -> Result<Fit, FitError> {
-        let features = self.folded.features(self.avatar, &shape)?;
+    ) -> Fit {
         let markers = crate::guess::Placed::new(&self.folded, &features, &end.guess).markers;
         let (pose, world_from_camera) = place::world(self.avatar, &self.folded, &features, &end.guess);
         let camera = Camera { focal: end.guess.log_focal.exp(), centre: evidence.centre, world_from_camera };
         let scores = evidence.seen.iter().map(|s| s.score);
-        Ok(Fit {
+        Fit {
             shape,
             pose,
             camera,
@@ -211,8 +210,17 @@ impl<'a> Fitter<'a> {
             uncertain: doubts::list(evidence, options),
             iterations: end.steps,
             cost: end.cost,
-        })
+        }
     }
+}
+
+/// Rough descents from eight directions, the best first.
+fn all_round(problem: &Problem, start: &Start) -> Vec<Descent> {
+    let eighth = |k: i32| f64::from(k) * std::f64::consts::FRAC_PI_4;
+    let mut tries: Vec<Descent> =
+        (0..8).map(|k| descend(problem, start.turned(eighth(k)), ROUGH)).collect();
+    tries.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    tries
 }
 
 /// `shape` at this height [m] and mass [kg].
