@@ -14,6 +14,7 @@ import gzip
 import io
 import json
 import math
+import os
 import pickle
 import zipfile
 
@@ -238,7 +239,8 @@ def frame(head, tail, roll):
 class Package:
     """The anny package itself, with every vertex, bone, phenotype and slider."""
 
-    def __init__(self, files):
+    def __init__(self, files, cache):
+        os.environ["ANNY_CACHE_DIR"] = cache
         import anny
         import torch
         from anny.models.model_data import TopologyConfig
@@ -291,7 +293,7 @@ def main():
     args = args.parse_args()
     files = Files(args.wheel)
     cases = random_cases(files, args.cases)
-    body = Package(files) if args.package else Plain(files)
+    body = Package(files, args.out + "/cache") if args.package else Plain(files)
     bones = sorted(cases[0]["turns"])
     keypoints = files.keypoints()
     with open(args.out + "/reference.bin", "wb") as out:

@@ -58,7 +58,8 @@ fn parts(archive: &Archive) -> Result<AvatarParts, String> {
     let skin = mesh::skin(&base)?;
     let terms = targets::terms(archive, &points)?;
     println!("terms     {}", terms.len());
-    let (mean, modes, blend) = modes::principal(&points.template(&base), points.counts.total(), &terms);
+    let (mean, modes, blend) =
+        modes::principal(&points.template(&base), points.counts.total(), &terms);
     let cavities = source::cavities(archive)?;
     let lined = mesh::lined(&base, &skin, &cavities);
     Ok(AvatarParts {

@@ -177,7 +177,9 @@ fn compare(folder: &Path, path: &Path, bless: bool) -> Outcome {
 /// The asset in the working folder, which may be newer than the one compiled in.
 fn avatar() -> Result<Avatar, String> {
     let bytes = std::fs::read(ASSET).map_err(|e| format!("{ASSET}: {e}"))?;
-    muslin_body::decode(&bytes).and_then(Avatar::new).map_err(|e| e.to_string())
+    muslin_body::decode(&bytes)
+        .and_then(Avatar::new)
+        .map_err(|e| e.to_string())
 }
 
 /// What the script wrote.

@@ -1,6 +1,6 @@
 //! The avatar as bytes.
 //!
-//! `MUSLINBD`, version, length, then one zlib stream. Everything inside is whole numbers:
+//! `MUSLINBD`, version, length, checksum, then one deflate stream. Everything inside is whole numbers:
 //! lengths in fixed steps, written as the difference from what the neighbours on the mesh
 //! foretell, in planes of equal significance, which is what deflate is good at. Reading
 //! trusts nothing: every count is checked against the bytes that are there.

@@ -134,37 +134,35 @@ impl Shape {
 
 type Reach = (f64, f64);
 
-/// The `t` in 0..=1 where the rising `f` is `want` within `tolerance`, near `guess` if it may be;
-/// else the values at both ends. False position with a bisection whenever it stalls.
+/// The `t` in 0..=1 where the monotone `f` is `want` within `tolerance`, first tried at `guess`;
+/// else the values at both ends.
+///
+/// False position, where an end that stays twice counts half (the Illinois rule): it passes
+/// kinks without stalling.
 fn solve(
     want: f64,
     tolerance: f64,
     guess: f64,
     f: impl Fn(f64) -> Result<f64, BodyError>,
 ) -> Result<Result<f64, Reach>, BodyError> {
-    let (mut low, mut high) = ((0.0, f(0.0)?), (1.0, f(1.0)?));
-    if low.1 > high.1 {
-        // A falling span of the path of mass: the same search the other way round.
-        std::mem::swap(&mut low, &mut high);
-    }
-    let reach = (low.1, high.1);
-    if !(low.1 - tolerance..=high.1 + tolerance).contains(&want) {
-        return Ok(Err(reach));
+    let (mut a, mut b) = ((0.0, f(0.0)? - want), (1.0, f(1.0)? - want));
+    if a.1.min(b.1) > tolerance || a.1.max(b.1) < -tolerance {
+        let (least, most) = (a.1.min(b.1) + want, a.1.max(b.1) + want);
+        return Ok(Err((least, most)));
     }
     let mut t = guess.clamp(0.001, 0.999);
-    for k in 0..60 {
-        let at = f(t)?;
-        if (at - want).abs() <= tolerance {
+    for _ in 0..100 {
+        let off = f(t)? - want;
+        if off.abs() <= tolerance || a.0 == b.0 {
             break;
         }
-        *(if at < want { &mut low } else { &mut high }) = (t, at);
-        let slope = (high.1 - low.1).max(1e-12);
-        let secant = low.0 + (want - low.1) / slope * (high.0 - low.0);
-        t = if k % 3 == 2 {
-            (low.0 + high.0) / 2.0
+        if (off < 0.0) == (b.1 < 0.0) {
+            // The newest end is always `b`; an `a` that stays is halved.
+            (b, a.1) = ((t, off), a.1 / 2.0);
         } else {
-            secant.clamp(0.0, 1.0)
-        };
+            (a, b) = (b, (t, off));
+        }
+        t = ((a.0 * b.1 - b.0 * a.1) / (b.1 - a.1)).clamp(0.0, 1.0);
     }
     Ok(Ok(t))
 }
@@ -182,7 +180,10 @@ mod tests {
                 .expect("in reach");
             assert!((f(t).expect("fine") - want).abs() < 1e-8, "{want} at {t}");
         }
-        assert_eq!(solve(6.0, 1e-9, 0.3, f).expect("no error"), Err((0.0, 5.5)));
+        let (least, most) = solve(6.0, 1e-9, 0.3, f)
+            .expect("no error")
+            .expect_err("out of reach");
+        assert!(least.abs() < 1e-12 && (most - 5.5).abs() < 1e-12);
     }
 
     #[test]
