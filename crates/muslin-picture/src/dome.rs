@@ -1,0 +1,94 @@
+//! Light from all around: which directions each point of the scene can see.
+//!
+//! The scene is looked at once from directions spread over the whole sphere;
+//! what every vertex sees stays true whichever way the lights are then turned.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::light_map::LightMap;
+use crate::project::Flat;
+
+/// A point that gathers light on both sides of a surface.
+pub(crate) struct Probe {
+    /// Its position [m].
+    pub at: Vec3,
+    /// The front's unit normal.
+    pub normal: Vec3,
+}
+
+/// Visibility of every direction from every probe.
+pub(crate) struct Dome {
+    dirs: Vec<Vec3>,
+    /// Openness 0 to 255 per direction and probe.
+    open: Vec<Vec<u8>>,
+}
+
+impl Dome {
+    /// Looks along `count` directions with maps of `size` texels a side.
+    pub fn new(flat: &Flat, probes: &[Probe], count: usize, size: usize) -> Self {
+        let dirs: Vec<Vec3> = (0..count).map(|i| direction(i, count)).collect();
+        let look = |&dir: &Vec3| {
+            let map = LightMap::small(flat, dir, size);
+            probes.iter().map(|probe| openness(&map, probe)).collect()
+        };
+        let open = dirs.par_iter().map(look).collect();
+        Self { dirs, open }
+    }
+
+    /// Light arriving at the front and back of every probe under a sky of
+    /// `radiance`, over π: one for a probe in the open under a white sky.
+    pub fn light(&self, probes: &[Probe], radiance: impl Fn(Vec3) -> Vec3) -> Vec<[Vec3; 2]> {
+        let share = 4.0 / self.dirs.len().max(1) as f32 / 255.0;
+        let sky: Vec<Vec3> = self.dirs.iter().map(|&d| radiance(d) * share).collect();
+        let one = |(i, probe): (usize, &Probe)| {
+            let mut sides = [Vec3::ZERO; 2];
+            for ((dir, sky), open) in self.dirs.iter().zip(&sky).zip(&self.open) {
+                let cos = probe.normal.dot(*dir);
+                sides[usize::from(cos < 0.0)] += *sky * (cos.abs() * f32::from(open[i]));
+            }
+            sides
+        };
+        probes.par_iter().enumerate().map(one).collect()
+    }
+}
+
+/// Points of a spiral spread evenly over the sphere.
+fn direction(i: usize, count: usize) -> Vec3 {
+    let y = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+    let turn = i as f64 * std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    let r = (1.0 - y * y).sqrt();
+    Vec3::new((r * turn.cos()) as f32, y as f32, (r * turn.sin()) as f32)
+}
+
+fn openness(map: &LightMap, probe: &Probe) -> u8 {
+    let side = probe.normal.dot(map.toward).signum();
+    let lift = probe.normal * (side * 1.1 * map.texel) + map.toward * (0.9 * map.texel);
+    let p = map.place(probe.at + lift);
+    (map.lit(p.x, p.y, p.z) * 255.0) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_balanced() {
+        let dirs: Vec<Vec3> = (0..96).map(|i| direction(i, 96)).collect();
+        assert!(dirs.iter().sum::<Vec3>().length() < 0.02 * 96.0);
+        assert!(dirs.iter().all(|d| (d.length() - 1.0).abs() < 1e-5));
+    }
+
+    #[test]
+    fn an_open_point_gathers_the_whole_sky() {
+        let probes = [Probe {
+            at: Vec3::ZERO,
+            normal: Vec3::Y,
+        }];
+        let dome = Dome::new(&Flat::default(), &probes, 96, 16);
+        let [front, back] = dome.light(&probes, |_| Vec3::ONE)[0];
+        assert!((front - Vec3::ONE).length() < 0.03 && (back - Vec3::ONE).length() < 0.03);
+        let [front, back] = dome.light(&probes, |d| Vec3::splat(d.y.max(0.0)))[0];
+        assert!((front.x - 2.0 / 3.0).abs() < 0.02 && back.x == 0.0);
+    }
+}
