@@ -33,7 +33,7 @@ impl Wall {
 /// One solid of a form.
 pub(crate) enum Part<'a> {
     /// A tube that ends at walls; far from its axis [m] it is not asked.
-    Tube(Tube, Vec<Wall>, f64),
+    Tube(&'a Tube, Vec<Wall>, f64),
     /// The body, grown by a gap [m].
     Skin(&'a Surface, f64),
     /// Cloth that is worn under, grown by a gap [m]; its rim's vertices are marked.
@@ -69,9 +69,9 @@ const SKINS: usize = 4;
 /// How far a skin's distance is continued linearly [m].
 const TRUST: f64 = 0.002;
 
-impl Part<'_> {
+impl<'a> Part<'a> {
     /// A tube that is not asked beyond the range where it could matter.
-    pub fn tube(tube: Tube, walls: Vec<Wall>) -> Part<'static> {
+    pub fn tube(tube: &'a Tube, walls: Vec<Wall>) -> Part<'a> {
         let bound = tube.bound() + REACH;
         Part::Tube(tube, walls, bound)
     }
@@ -124,6 +124,12 @@ impl Part<'_> {
 }
 
 impl Form<'_> {
+    /// Whether `p` lies in one of the parts or what melts them together.
+    pub fn holds(&self, p: DVec3) -> bool {
+        self.distance_near(p, &mut Near::default())
+            .is_some_and(|d| d.0 < 0.0)
+    }
+
     /// About how far `p` is outside [m], and the direction that grows; none far from everything.
     fn distance_near(&self, p: DVec3, near: &mut Near) -> Option<(f64, DVec3)> {
         let mut skins = near.known.iter_mut();
@@ -197,7 +203,7 @@ mod tests {
     use super::*;
     use crate::tube::Axis;
 
-    fn wall(out: DVec3, at: f64) -> Part<'static> {
+    fn pipe() -> Tube {
         let ring: Vec<[DVec3; 2]> = (0..72)
             .map(|k| {
                 let (s, c) = f64::from(k * 5).to_radians().sin_cos();
@@ -206,19 +212,18 @@ mod tests {
             })
             .collect();
         let axis = Axis::new(DVec3::ZERO, DVec3::Y, DVec3::Z);
-        Part::tube(
-            Tube::measure(axis, (0.0, 1.0), &ring),
-            vec![Wall {
-                point: out * at,
-                out,
-            }],
-        )
+        Tube::measure(axis, (0.0, 1.0), &ring)
+    }
+
+    fn cut_pipe(pipe: &Tube, out: DVec3, at: f64) -> Part<'_> {
+        Part::tube(pipe, vec![Wall::Plane(out * at, out)])
     }
 
     #[test]
     fn points_inside_and_outside_land_on_the_same_surface() {
+        let pipe = pipe();
         let form = Form {
-            parts: vec![wall(DVec3::Y, 0.5)],
+            parts: vec![cut_pipe(&pipe, DVec3::Y, 0.5)],
             blend: 0.02,
         };
         for r in [0.02, 0.07, 0.15] {
@@ -231,10 +236,12 @@ mod tests {
 
     #[test]
     fn the_gradient_of_a_melted_union_is_that_of_its_value() {
-        let form = Form {
-            parts: vec![wall(DVec3::Y, 0.5), wall(DVec3::X, 0.05)],
-            blend: 0.05,
-        };
+        let pipe = pipe();
+        let parts = vec![
+            cut_pipe(&pipe, DVec3::Y, 0.5),
+            cut_pipe(&pipe, DVec3::X, 0.05),
+        ];
+        let form = Form { parts, blend: 0.05 };
         let p = DVec3::new(0.06, 0.49, 0.03);
         let (_, g) = form
             .distance_near(p, &mut Near::default())

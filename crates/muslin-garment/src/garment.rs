@@ -3,12 +3,12 @@
 use crate::GarmentError;
 use crate::form::Part as Solid;
 use crate::pattern::{flatten, lay_flat, turn};
-use crate::recipe::{Opening, Recipe};
+use crate::recipe::{Opening, Plan, Recipe};
 use crate::settle::{Net, Track};
 use crate::sheet::{Row, Sheet, blend};
 use crate::stand::{BodyMap, Stand};
 use glam::{DVec2, DVec3};
-use muslin_body::{Avatar, Figure, Part, Shape, Sparse};
+use muslin_body::{Avatar, Figure, Shape, Sparse};
 use muslin_geom::Surface;
 
 /// Something to wear. Topology, pattern and binding are the same on every body.
@@ -177,22 +177,16 @@ impl Garment {
         let mut x: Vec<DVec3> = rows
             .map(|(r, o)| blend(r, stand.verts) + *o * scale)
             .collect();
-        let mut form = self.recipe.form(stand, tuck);
+        let plan = self.recipe.plan(stand, tuck);
+        let mut form = plan.form();
+        plan.prepare(&form, &mut x);
         for (surface, rim) in under {
             form.parts.push(Solid::Cloth(surface, rim, BETWEEN_LAYERS));
         }
         self.net.round_rims(&mut x, 10);
-        let tracks = self.tracks(stand, &x);
+        let tracks = tracks(&plan, &self.rims, &x);
         self.net.settle(&form, &mut x, &tracks, SETTLE_AGAIN);
         x
-    }
-
-    fn tracks(&self, stand: &Stand, x: &[DVec3]) -> Vec<Track> {
-        let at = |r: &Rim| r.verts.iter().map(|&i| x[i as usize]).collect::<Vec<_>>();
-        self.rims
-            .iter()
-            .map(|r| self.recipe.track(stand, r.opening, &at(r)))
-            .collect()
     }
 
     /// Each face's own shape at `x`, turned so that the grain is upright.
@@ -206,11 +200,12 @@ impl Garment {
     }
 
     fn draw_pattern(&mut self, stand: &Stand, x: &[DVec3], rows: &[Row]) {
+        let plan = self.recipe.plan(stand, None);
         let laid: Vec<_> = (self.faces.iter())
             .map(|f| {
                 let corner = |k: usize| &rows[f[k] as usize];
                 let arm = [0, 1].map(|s| share(&stand.map.arm[s], [0, 1, 2].map(corner)));
-                self.recipe.lay(stand, f.map(|i| x[i as usize]), arm)
+                plan.lay(f.map(|i| x[i as usize]), arm)
             })
             .collect();
         self.panel = laid.iter().map(|l| l.panel as u8).collect();
@@ -233,14 +228,16 @@ fn mesh(recipe: &Recipe, stand: &Stand) -> Result<(Sheet, Vec<DVec3>), GarmentEr
     let net = Net::new(rough.faces.clone(), x.len());
     net.round_rims(&mut x, 10);
     let rims = name_rims(recipe, &net, &x);
-    let at = |r: &Rim| r.verts.iter().map(|&i| x[i as usize]).collect::<Vec<_>>();
-    let tracks: Vec<Track> = rims
-        .iter()
-        .map(|r| recipe.track(stand, r.opening, &at(r)))
-        .collect();
-    net.settle(&recipe.form(stand, None), &mut x, &tracks, SETTLE);
+    let plan = recipe.plan(stand, None);
+    let tracks = tracks(&plan, &rims, &x);
+    net.settle(&plan.form(), &mut x, &tracks, SETTLE);
     let (fine, x) = rough.remeshed(x, recipe.edge(), 6);
     Ok((fine.bound(stand.verts, &stand.tights())?, x))
+}
+
+fn tracks(plan: &Plan, rims: &[Rim], x: &[DVec3]) -> Vec<Track> {
+    let at = |r: &Rim| r.verts.iter().map(|&i| x[i as usize]).collect::<Vec<_>>();
+    rims.iter().map(|r| plan.track(r.opening, &at(r))).collect()
 }
 
 fn name_rims(recipe: &Recipe, net: &Net, x: &[DVec3]) -> Vec<Rim> {

@@ -105,11 +105,11 @@ impl Recipe {
         }
     }
 
-    /// What it is cut on; `tuck` is the height [m] of a waistband it is tucked into.
-    pub(crate) fn form<'a>(&self, stand: &'a Stand<'a>, tuck: Option<f64>) -> Form<'a> {
+    /// Measures a body; `tuck` is the height [m] of a waistband that a shirt is tucked into.
+    pub(crate) fn plan<'a>(&self, stand: &'a Stand<'a>, tuck: Option<f64>) -> Plan<'a> {
         match self {
-            Recipe::Tee(r) => r.form(stand, tuck),
-            Recipe::Trousers(r) => r.form(stand),
+            Recipe::Tee(r) => Plan::Tee(tee::Plan::new(r, stand, tuck)),
+            Recipe::Trousers(r) => Plan::Trousers(trousers::Plan::new(r, stand)),
         }
     }
 
@@ -134,13 +134,44 @@ impl Recipe {
         }
     }
 
+    /// The panels' names, in the order of their numbers.
+    pub fn panels(&self) -> &'static [&'static str] {
+        match self {
+            Recipe::Tee(_) => &["front", "back", "left sleeve", "right sleeve"],
+            Recipe::Trousers(_) => &["front left", "front right", "back left", "back right"],
+        }
+    }
+}
+
+/// A recipe on one body.
+pub(crate) enum Plan<'a> {
+    Tee(tee::Plan<'a>),
+    Trousers(trousers::Plan<'a>),
+}
+
+impl Plan<'_> {
+    /// What it is cut on.
+    pub fn form(&self) -> Form<'_> {
+        match self {
+            Plan::Tee(p) => p.form(),
+            Plan::Trousers(p) => p.form(),
+        }
+    }
+
+    /// Betters a first guess of where the vertices are [m].
+    pub fn prepare(&self, form: &Form, x: &mut [DVec3]) {
+        if let Plan::Trousers(p) = self {
+            p.prepare(form, x);
+        }
+    }
+
     /// How a rim through these places [m] stays flat.
-    pub(crate) fn track(&self, stand: &Stand, opening: Opening, rim: &[DVec3]) -> Track {
+    pub fn track(&self, opening: Opening, rim: &[DVec3]) -> Track {
         let middle = rim.iter().sum::<DVec3>() / rim.len() as f64;
         match (self, opening) {
             (_, Opening::Neck) => Track::Free,
-            (Recipe::Tee(r), Opening::Cuff(side)) => {
-                let (point, across) = r.cuff(stand, side);
+            (Plan::Tee(p), Opening::Cuff(side)) => {
+                let (point, across) = p.cuff(side);
                 Track::Plane(point, across)
             }
             _ => Track::Plane(middle, DVec3::Y),
@@ -148,18 +179,10 @@ impl Recipe {
     }
 
     /// Where a face with these corners [m] and this share of arm bones goes on the pattern.
-    pub(crate) fn lay(&self, stand: &Stand, corners: [DVec3; 3], arm: [f64; 2]) -> Laid {
+    pub fn lay(&self, corners: [DVec3; 3], arm: [f64; 2]) -> Laid {
         match self {
-            Recipe::Tee(r) => r.lay(stand, corners, arm),
-            Recipe::Trousers(r) => r.lay(stand, corners),
-        }
-    }
-
-    /// The panels' names, in the order of their numbers.
-    pub fn panels(&self) -> &'static [&'static str] {
-        match self {
-            Recipe::Tee(_) => &["front", "back", "left sleeve", "right sleeve"],
-            Recipe::Trousers(_) => &["front left", "front right", "back left", "back right"],
+            Plan::Tee(p) => p.lay(corners, arm),
+            Plan::Trousers(p) => p.lay(corners),
         }
     }
 }

@@ -17,14 +17,14 @@ pub(crate) struct BodyMap {
     edges: Vec<[u32; 2]>,
     /// Share of each arm's bones in every vertex.
     pub arm: [Vec<f64>; 2],
-    /// Share of each leg's bones in every vertex.
-    pub leg: [Vec<f64>; 2],
     /// Bones: shoulder, elbow, wrist, hip, knee, ankle of each side.
     joints: [[usize; 6]; 2],
     /// The lowest vertex of the tights between the legs.
     crotch: u32,
     /// The lowest vertex of the tights between each arm and the trunk.
     armpit: [u32; 2],
+    /// The highest vertex of the tights, at the neck.
+    neck: u32,
     /// From crotch to armpits on the default body [m].
     trunk: f64,
 }
@@ -47,6 +47,8 @@ pub(crate) struct Stand<'a> {
     pub limbs: [Limbs; 2],
     /// The lowest place of the trunk, between the legs [m].
     pub crotch: DVec3,
+    /// Height of the upper end of the tights [m].
+    pub neck: f64,
     /// The armpits [m].
     pub armpits: [DVec3; 2],
     /// Height of the armpits [m].
@@ -54,7 +56,6 @@ pub(crate) struct Stand<'a> {
 }
 
 const ARM: [&str; 5] = ["upperarm", "lowerarm", "wrist", "metacarpal", "finger"];
-const LEG: [&str; 4] = ["upperleg", "lowerleg", "foot", "toe"];
 const JOINTS: [&str; 6] = [
     "upperarm01",
     "lowerarm01",
@@ -67,7 +68,6 @@ const JOINTS: [&str; 6] = [
 impl BodyMap {
     /// Reads an avatar; its default figure says where crotch and armpits are.
     pub fn new(avatar: &Avatar, base: &Figure) -> Result<BodyMap, GarmentError> {
-        let share = |names: &[&str], side: &str| limb_share(avatar, names, side);
         let mut joints = [[0; 6]; 2];
         for (s, side) in SIDES.iter().enumerate() {
             for (j, name) in JOINTS.iter().enumerate() {
@@ -75,7 +75,7 @@ impl BodyMap {
             }
         }
         let tights = avatar.tights_faces().to_vec();
-        let arm = SIDES.map(|s| share(&ARM, s));
+        let arm = SIDES.map(|s| limb_share(avatar, &ARM, s));
         let range = avatar.part(Part::Tights);
         let lowest = |keep: &dyn Fn(usize) -> bool| -> Result<u32, GarmentError> {
             let all = range.clone().filter(|&i| keep(i));
@@ -89,7 +89,6 @@ impl BodyMap {
         let trunk = (y(armpit[0]) + y(armpit[1])) / 2.0 - y(crotch);
         Ok(BodyMap {
             edges: edges(&tights),
-            leg: SIDES.map(|s| share(&LEG, s)),
             collision: avatar.collision_faces().to_vec(),
             tights,
             arm,
@@ -97,8 +96,15 @@ impl BodyMap {
             crotch,
             armpit,
             trunk,
+            neck: highest(base, range).ok_or(GarmentError::NoTights)?,
         })
     }
+}
+
+fn highest(base: &Figure, mut range: std::ops::Range<usize>) -> Option<u32> {
+    let first = range.next()?;
+    let y = |i: usize| base.verts[i].y;
+    Some(range.fold(first, |a, b| if y(b) > y(a) { b } else { a }) as u32)
 }
 
 /// How much of every vertex hangs on the bones of one limb.
@@ -141,6 +147,7 @@ impl<'a> Stand<'a> {
             skin: Surface::new(verts, &map.collision),
             limbs,
             crotch: verts[map.crotch as usize],
+            neck: y(map.neck),
             armpits: map.armpit.map(|i| verts[i as usize]),
             armpit: (y(map.armpit[0]) + y(map.armpit[1])) / 2.0,
             map,

@@ -38,8 +38,8 @@ const ON_ARM: f64 = 0.005;
 /// Height of the neckline's back above the middle of the leaning neck [m].
 const NAPE: f64 = -0.022;
 
-/// Least length of a sleeve beyond the armpit [m].
-const BEYOND_PIT: f64 = 0.055;
+/// Least length of a sleeve beyond where it leaves the trunk [m].
+const BEYOND_PIT: f64 = 0.06;
 
 impl Default for Tee {
     fn default() -> Tee {
@@ -82,31 +82,14 @@ impl Tee {
         ]
     }
 
-    /// The arm's axis as far as the sleeve goes; it points down the arm.
-    pub(crate) fn sleeve_axis(&self, stand: &Stand, side: Side) -> Axis {
-        let limbs = &stand.limbs[side.index()];
-        Axis::new(limbs.shoulder, self.sleeve_end(stand, side), DVec3::Z)
-    }
-
-    /// Where the arm's axis leaves the sleeve [m]: not before the sleeve has left the trunk.
+    /// Where the arm's axis would leave the sleeve [m], whatever the trunk's size.
     fn sleeve_end(&self, stand: &Stand, side: Side) -> DVec3 {
         let limbs = &stand.limbs[side.index()];
-        let end = if self.sleeve <= 1.0 {
+        if self.sleeve <= 1.0 {
             limbs.shoulder.lerp(limbs.elbow, self.sleeve)
         } else {
             limbs.elbow.lerp(limbs.wrist, self.sleeve - 1.0)
-        };
-        let axis = Axis::new(limbs.shoulder, end, DVec3::Z);
-        let pit = axis.coordinates(stand.armpits[side.index()]).0 + BEYOND_PIT;
-        end + axis.along * (pit - (end - limbs.shoulder).length()).max(0.0)
-    }
-
-    /// The plane that a sleeve ends in.
-    pub(crate) fn cuff(&self, stand: &Stand, side: Side) -> (DVec3, DVec3) {
-        (
-            self.sleeve_end(stand, side),
-            self.sleeve_axis(stand, side).along,
-        )
+        }
     }
 
     pub(crate) fn cut(&self, stand: &Stand, whole: Sheet) -> Sheet {
@@ -156,23 +139,11 @@ impl Tee {
         ring.max(below) + h * h * 0.2
     }
 
-    /// What the shirt is cut on; `tuck` is the height [m] of a waistband it is tucked into.
-    pub(crate) fn form<'a>(&self, stand: &'a Stand<'a>, tuck: Option<f64>) -> Form<'a> {
-        let mut parts = vec![Part::tube(self.trunk(stand, tuck), vec![])];
-        for side in [Side::Left, Side::Right] {
-            let sleeve = self.sleeve_tube(stand, side);
-            let end = Wall::Plane(sleeve.axis.origin, -sleeve.axis.along);
-            parts.push(Part::tube(sleeve, vec![end]));
-        }
-        parts.push(Part::Skin(&stand.skin, 0.004));
-        Form { parts, blend: 0.02 }
-    }
-
     /// Straight down from chest and shoulder blades, straight up to the neck.
     fn trunk(&self, stand: &Stand, tuck: Option<f64>) -> Tube {
         let shoulder = (stand.limbs[0].shoulder.y + stand.limbs[1].shoulder.y) / 2.0;
         let low = stand.crotch.y + self.hem - 0.03;
-        let top = shoulder + 0.3 * stand.trunk();
+        let top = stand.neck;
         let pit = stand.armpit;
         let mut tube = stand.trunk_tube(low, top);
         let mut snug = tube.clone();
@@ -180,7 +151,7 @@ impl Tee {
         let hips = tube.largest_girth(low, stand.crotch.y + 0.5 * stand.trunk()) + self.hem_ease;
         let hem = chest.max(hips);
         tube.drop_to(0, low, pit);
-        tube.bridge(low, shoulder + 0.12 * stand.trunk());
+        tube.bridge(low, shoulder + 0.42 * (top - shoulder));
         tube.widen(|y, girth| {
             let want = hem + (chest - hem) * ((y - low) / (pit - low)).min(1.0);
             let below = ((want - girth) / TAU).max(0.006);
@@ -194,15 +165,17 @@ impl Tee {
         tube
     }
 
-    /// A straight cone that lies on the arm and hangs below it.
-    fn sleeve_tube(&self, stand: &Stand, side: Side) -> Tube {
-        let axis = self.sleeve_axis(stand, side);
-        let length = (self.sleeve_end(stand, side) - axis.origin).length();
+    /// A straight cone that lies on the arm and hangs below it, and its length [m].
+    fn sleeve_tube(&self, stand: &Stand, side: Side) -> (Tube, f64) {
+        let (from, to) = (
+            stand.limbs[side.index()].shoulder,
+            self.sleeve_end(stand, side),
+        );
+        let (axis, length) = (Axis::new(from, to, DVec3::Z), (to - from).length());
         let arm = &stand.map.arm[side.index()];
-        let mut tube = stand.tube(axis, (0.0, length + 0.03), |i| arm[i] >= 0.5);
+        let mut tube = stand.tube(axis, (0.0, length + 0.12), |i| arm[i] >= 0.5);
         let biceps = tube.largest_girth(0.55 * length, length) + self.sleeve_ease;
-        let last = tube.len() - 1;
-        let cuff = tube.girth(last) + self.cuff_ease;
+        let cuff = tube.largest_girth(length - 0.01, length + 0.01) + self.cuff_ease;
         tube.bridge(0.0, length + 0.03);
         let ease = |t: f64, girth: f64| {
             let want = biceps + (cuff - biceps) * t / length;
@@ -217,28 +190,64 @@ impl Tee {
         let down = (-DVec3::Y + axis.along * axis.along.y).normalize_or_zero();
         tube.shift(|t| down * (hang[((t - from) / step).round() as usize] - ON_ARM));
         tube.soften(3);
-        tube
+        (tube, length)
+    }
+}
+
+/// A shirt on one body.
+pub(crate) struct Plan<'a> {
+    stand: &'a Stand<'a>,
+    trunk: Tube,
+    sleeves: [Tube; 2],
+    /// Length of the sleeves along the arms [m].
+    lengths: [f64; 2],
+}
+
+impl<'a> Plan<'a> {
+    /// Measures; `tuck` is the height [m] of a waistband the shirt is tucked into.
+    pub fn new(tee: &Tee, stand: &'a Stand<'a>, tuck: Option<f64>) -> Plan<'a> {
+        let trunk = tee.trunk(stand, tuck);
+        let sleeves = [Side::Left, Side::Right].map(|side| tee.sleeve_tube(stand, side));
+        let lengths = [0, 1].map(|s| sleeves[s].1.max(leaves(&sleeves[s].0, &trunk) + BEYOND_PIT));
+        let [(l, _), (r, _)] = sleeves;
+        Plan {
+            stand,
+            trunk,
+            sleeves: [l, r],
+            lengths,
+        }
     }
 
-    pub(crate) fn lay(&self, stand: &Stand, corners: [DVec3; 3], arm: [f64; 2]) -> Laid {
-        if arm[0].max(arm[1]) > 0.5 {
-            let side = if arm[0] > arm[1] {
-                Side::Left
-            } else {
-                Side::Right
-            };
-            return self.lay_sleeve(stand, side, corners);
+    /// What the shirt is cut on.
+    pub fn form(&self) -> Form<'_> {
+        let mut parts = vec![Part::tube(&self.trunk, vec![])];
+        for sleeve in &self.sleeves {
+            let end = Wall::Plane(sleeve.axis.origin, -sleeve.axis.along);
+            parts.push(Part::tube(sleeve, vec![end]));
         }
-        let z = (stand.limbs[0].shoulder.z + stand.limbs[1].shoulder.z) / 2.0;
+        parts.push(Part::Skin(&self.stand.skin, 0.004));
+        Form { parts, blend: 0.02 }
+    }
+
+    /// The plane that a sleeve ends in: a point [m] and the unit normal.
+    pub fn cuff(&self, side: Side) -> (DVec3, DVec3) {
+        let axis = &self.sleeves[side.index()].axis;
+        (
+            axis.origin + axis.along * self.lengths[side.index()],
+            axis.along,
+        )
+    }
+
+    /// Where a face with these corners [m] and this share of arm bones goes on the pattern.
+    pub fn lay(&self, corners: [DVec3; 3], arm: [f64; 2]) -> Laid {
+        if arm[0].max(arm[1]) > 0.5 {
+            return self.lay_sleeve(usize::from(arm[1] > arm[0]), corners);
+        }
+        let [l, r] = self.stand.limbs;
+        let z = (l.shoulder.z + r.shoulder.z) / 2.0;
         let middle = corners.iter().sum::<DVec3>() / 3.0;
-        let shoulder = stand.limbs[0].shoulder.y;
-        let at = |p: DVec3| {
-            shadow(
-                p,
-                DVec2::new(0.0, z),
-                1.0 - ramp(p.y, stand.armpit - 0.05, shoulder),
-            )
-        };
+        let unfold = |p: DVec3| 1.0 - ramp(p.y, self.stand.armpit - 0.05, l.shoulder.y);
+        let at = |p: DVec3| shadow(p, DVec2::new(0.0, z), unfold(p));
         Laid {
             panel: usize::from(middle.z < z),
             corners: corners.map(at),
@@ -246,12 +255,9 @@ impl Tee {
     }
 
     /// Unrolls a sleeve, open along the underarm.
-    fn lay_sleeve(&self, stand: &Stand, side: Side, corners: [DVec3; 3]) -> Laid {
-        let axis = Axis::new(
-            self.sleeve_axis(stand, side).origin,
-            self.sleeve_end(stand, side),
-            DVec3::Y,
-        );
+    fn lay_sleeve(&self, side: usize, corners: [DVec3; 3]) -> Laid {
+        let origin = self.sleeves[side].axis.origin;
+        let axis = Axis::new(origin, origin + self.sleeves[side].axis.along, DVec3::Y);
         let angle = |p: DVec3| {
             let (_, u, w) = axis.coordinates(p);
             w.atan2(u)
@@ -263,8 +269,26 @@ impl Tee {
             DVec2::new((angle(p) + TAU * turns) * 0.06, axis.origin.y - along)
         };
         Laid {
-            panel: 2 + side.index(),
+            panel: 2 + side,
             corners: corners.map(at),
         }
     }
+}
+
+/// How far down the arm [m] the underside of a sleeve comes out of the trunk.
+fn leaves(sleeve: &Tube, trunk: &Tube) -> f64 {
+    let axis = &sleeve.axis;
+    let down = (-DVec3::Y + axis.along * axis.along.y).normalize_or_zero();
+    let underside = |t: f64| {
+        let p = axis.origin + axis.along * t;
+        let deep = (0..100).map(|k| p + down * (0.002 * f64::from(k)));
+        deep.into_iter()
+            .find(|q| sleeve.distance(*q).0 > 0.0)
+            .unwrap_or(p)
+    };
+    let steps = (0..).map(|k| 0.005 * f64::from(k)).take_while(|t| *t < 0.3);
+    steps
+        .into_iter()
+        .find(|t| trunk.distance(underside(*t)).0 > 0.0)
+        .unwrap_or(0.0)
 }

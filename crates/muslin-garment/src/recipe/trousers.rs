@@ -90,26 +90,6 @@ impl Trousers {
         stand.crotch.y + (ankle - stand.crotch.y) * self.leg
     }
 
-    pub(crate) fn form<'a>(&self, stand: &'a Stand<'a>) -> Form<'a> {
-        let seam = DVec3::new(0.0, stand.crotch.y - CROTCH_DROP, stand.crotch.z);
-        let mut parts = vec![Part::tube(self.hips(stand), vec![Wall::Saddle(seam, 0.1)])];
-        for side in [Side::Left, Side::Right] {
-            let inward = if side == Side::Left {
-                -DVec3::X
-            } else {
-                DVec3::X
-            };
-            let top = Wall::Plane(DVec3::Y * (stand.crotch.y + 0.09), DVec3::Y);
-            let inner = Wall::Plane(-inward * BETWEEN, inward);
-            parts.push(Part::tube(self.leg_tube(stand, side), vec![top, inner]));
-        }
-        parts.push(Part::Skin(&stand.skin, 0.004));
-        Form {
-            parts,
-            blend: 0.015,
-        }
-    }
-
     /// Snug at the waist, straight over the hips.
     fn hips(&self, stand: &Stand) -> Tube {
         let (low, top) = (
@@ -156,11 +136,65 @@ impl Trousers {
         tube.soften(3);
         tube
     }
+}
 
-    pub(crate) fn lay(&self, stand: &Stand, corners: [DVec3; 3]) -> Laid {
+/// Trousers on one body.
+pub(crate) struct Plan<'a> {
+    stand: &'a Stand<'a>,
+    hips: Tube,
+    legs: [Tube; 2],
+}
+
+impl<'a> Plan<'a> {
+    pub fn new(trousers: &Trousers, stand: &'a Stand<'a>) -> Plan<'a> {
+        let legs = [Side::Left, Side::Right].map(|side| trousers.leg_tube(stand, side));
+        Plan {
+            stand,
+            hips: trousers.hips(stand),
+            legs,
+        }
+    }
+
+    /// What the trousers are cut on.
+    pub fn form(&self) -> Form<'_> {
+        let crotch = self.stand.crotch;
+        let seam = DVec3::new(0.0, crotch.y - CROTCH_DROP, crotch.z);
+        let mut parts = vec![Part::tube(&self.hips, vec![Wall::Saddle(seam, 0.1)])];
+        for (leg, inward) in self.legs.iter().zip([-DVec3::X, DVec3::X]) {
+            let top = Wall::Plane(DVec3::Y * (crotch.y + 0.09), DVec3::Y);
+            let inner = Wall::Plane(-inward * BETWEEN, inward);
+            parts.push(Part::tube(leg, vec![top, inner]));
+        }
+        parts.push(Part::Skin(&self.stand.skin, 0.004));
+        Form {
+            parts,
+            blend: 0.015,
+        }
+    }
+
+    /// Moves the first guess `x` [m] to where thighs that touch leave room for a crotch.
+    pub fn prepare(&self, form: &Form, x: &mut [DVec3]) {
+        let crotch = self.stand.crotch;
+        let ankle = self.stand.limbs[0].ankle.y;
+        let usual = crotch.y - CROTCH_DROP - 0.01;
+        let steps = (0..100)
+            .map(|k| usual - 0.004 * f64::from(k))
+            .take_while(|y| *y > ankle);
+        let open = |y: &f64| !form.holds(DVec3::new(0.0, *y, crotch.z));
+        let found = steps.into_iter().find(open).unwrap_or(usual);
+        for p in x {
+            let share = 1.0 - ramp(p.x.abs(), 0.04, 0.16);
+            let below = ((p.y - ankle) / (usual - ankle)).clamp(0.0, 1.0);
+            let above = ((usual + 0.15 - p.y) / 0.15).clamp(0.0, 1.0);
+            p.y += (found - usual) * share * below.min(above);
+        }
+    }
+
+    /// Where a face with these corners [m] goes on the pattern.
+    pub fn lay(&self, corners: [DVec3; 3]) -> Laid {
         let middle = corners.iter().sum::<DVec3>() / 3.0;
         let side = Side::of(middle);
-        let limbs = &stand.limbs[side.index()];
+        let limbs = &self.stand.limbs[side.index()];
         let back = middle.z < limbs.hip.z;
         let at = |p: DVec3| {
             let t = (limbs.hip.y - p.y) / (limbs.hip.y - limbs.ankle.y);
