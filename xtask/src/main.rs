@@ -7,6 +7,7 @@ mod assets_body;
 mod assets_pose;
 mod check_body;
 mod check_gltf;
+mod check_pose;
 mod ci;
 mod sha256;
 mod walls;
@@ -40,6 +41,7 @@ fn run(words: &[&str]) -> Outcome {
         ["assets", "pose", rest @ ..] => assets_pose::build(rest.first().copied()),
         ["check", "body", rest @ ..] => check_body::run(rest),
         ["check", "gltf", rest @ ..] => check_gltf::run(rest),
+        ["check", "pose", rest @ ..] => check_pose::run(rest),
         _ => Err(USAGE.to_owned()),
     }
 }
