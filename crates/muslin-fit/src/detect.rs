@@ -81,8 +81,18 @@ impl Models {
             // Points, presence, heat maps, points in space; the mask (2) is not wanted.
             landmarks: Net::new(landmarks, &[0, 1, 3, 4])?,
         };
-        shaped("detector", &models.detector, &[&[1, 224, 224, 3]], &boxes::OUTPUTS)?;
-        shaped("landmark", &models.landmarks, &[&[1, 256, 256, 3]], &points::OUTPUTS)?;
+        shaped(
+            "detector",
+            &models.detector,
+            &[&[1, 224, 224, 3]],
+            &boxes::OUTPUTS,
+        )?;
+        shaped(
+            "landmark",
+            &models.landmarks,
+            &[&[1, 256, 256, 3]],
+            &points::OUTPUTS,
+        )?;
         Ok(models)
     }
 }
@@ -105,7 +115,11 @@ fn shaped(
 ///
 /// An empty picture holds nobody.
 pub fn find_people(models: &Models, image: &Image) -> Found {
-    let mut found = Found { people: Vec::new(), best_score: 0.0, best_presence: 0.0 };
+    let mut found = Found {
+        people: Vec::new(),
+        best_score: 0.0,
+        best_presence: 0.0,
+    };
     if image.pixels.is_empty() {
         return found;
     }
@@ -120,7 +134,9 @@ pub fn find_people(models: &Models, image: &Image) -> Found {
             found.people.push(person);
         }
     }
-    found.people.sort_by(|a, b| b.square.side.total_cmp(&a.square.side));
+    found
+        .people
+        .sort_by(|a, b| b.square.side.total_cmp(&a.square.side));
     found
 }
 
@@ -128,8 +144,14 @@ pub fn find_people(models: &Models, image: &Image) -> Found {
 fn candidates(models: &Models, image: &Image, scratch: &mut Scratch) -> (Vec<Candidate>, f64) {
     let whole = Square::around(image);
     let input = crop::sample(image, &whole, 224, crop::Border::Black);
-    let input: Vec<f32> = input.iter().map(|&x| f32::from(x) * (2.0 / 255.0) - 1.0).collect();
-    let out = models.detector.run(&[&input], scratch).expect("the shapes were checked");
+    let input: Vec<f32> = input
+        .iter()
+        .map(|&x| f32::from(x) * (2.0 / 255.0) - 1.0)
+        .collect();
+    let out = models
+        .detector
+        .run(&[&input], scratch)
+        .expect("the shapes were checked");
     boxes::read(out[0], out[1], &whole)
 }
 
@@ -143,8 +165,14 @@ fn look_closer(
     let square = candidate.square;
     // A person at the edge is shown the edge pixels going on: black there misleads the network.
     let input = crop::sample(image, &square, 256, crop::Border::Stretched);
-    let input: Vec<f32> = input.iter().map(|&x| f32::from(x) * (1.0 / 255.0)).collect();
-    let out = models.landmarks.run(&[&input], scratch).expect("the shapes were checked");
+    let input: Vec<f32> = input
+        .iter()
+        .map(|&x| f32::from(x) * (1.0 / 255.0))
+        .collect();
+    let out = models
+        .landmarks
+        .run(&[&input], scratch)
+        .expect("the shapes were checked");
     let presence = f64::from(out[1][0]);
     if presence.is_nan() || presence <= LEAST_PRESENCE {
         return (None, presence.max(0.0));
@@ -152,7 +180,13 @@ fn look_closer(
     let size = [image.width, image.height].map(|n| u32::try_from(n).unwrap_or(u32::MAX));
     let keypoints = points::read(out[0], out[2], out[3], (&square, size));
     let bounds = bounds(&keypoints);
-    let person = Person { keypoints, score: candidate.score, presence, square, bounds };
+    let person = Person {
+        keypoints,
+        score: candidate.score,
+        presence,
+        square,
+        bounds,
+    };
     (Some(person), presence)
 }
 
@@ -165,6 +199,10 @@ fn bounds(keypoints: &Keypoints) -> [DVec2; 2] {
 /// Whether both are the same person, found twice.
 fn same(a: &Person, b: &Person) -> bool {
     let (p, q) = (&a.keypoints.points, &b.keypoints.points);
-    let apart: f64 = p.iter().zip(q).map(|(p, q)| p.pixel.distance(q.pixel)).sum();
+    let apart: f64 = p
+        .iter()
+        .zip(q)
+        .map(|(p, q)| p.pixel.distance(q.pixel))
+        .sum();
     apart / p.len() as f64 <= SAME * a.square.side.min(b.square.side)
 }

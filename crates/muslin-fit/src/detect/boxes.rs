@@ -43,7 +43,10 @@ pub(super) fn read(places: &[f32], scores: &[f32], whole: &Square) -> (Vec<Candi
     let scores: Vec<f64> = scores.iter().map(|&s| sigmoid(s)).collect();
     let best = scores.iter().copied().fold(0.0, f64::max);
     let rows = places.as_chunks::<12>().0;
-    let seen = anchors().zip(rows).zip(scores).filter(|(_, score)| *score >= LEAST);
+    let seen = anchors()
+        .zip(rows)
+        .zip(scores)
+        .filter(|(_, score)| *score >= LEAST);
     let sightings = seen.map(|((anchor, row), score)| sighting(anchor, row, score));
     let sane = |s: &Sighting| s.low.is_finite() && s.high.cmpge(s.low).all();
     let merged = merge(sightings.filter(sane).collect());
@@ -69,7 +72,12 @@ fn sighting(anchor: DVec2, row: &[f32; 12], score: f64) -> Sighting {
     let pair = |i: usize| DVec2::new(f64::from(row[i]), f64::from(row[i + 1])) / SIDE;
     let (middle, size) = (pair(0) + anchor, pair(2));
     let points = [4, 6, 8, 10].map(|i| pair(i) + anchor);
-    Sighting { low: middle - size / 2.0, high: middle + size / 2.0, points, score }
+    Sighting {
+        low: middle - size / 2.0,
+        high: middle + size / 2.0,
+        points,
+        score,
+    }
 }
 
 /// Weighted non-maximum suppression: what overlaps the best is averaged with it by score.
@@ -79,9 +87,17 @@ fn merge(mut left: Vec<Sighting>) -> Vec<Sighting> {
     while let Some(&best) = left.first() {
         let (same, rest): (Vec<_>, Vec<_>) =
             left.into_iter().partition(|s| overlap(s, &best) > OVERLAP);
-        merged.push(if same.is_empty() { best } else { average(&same, best.score) });
+        merged.push(if same.is_empty() {
+            best
+        } else {
+            average(&same, best.score)
+        });
         // A box without area overlaps nothing, not even itself.
-        left = if same.is_empty() { rest[1..].to_vec() } else { rest };
+        left = if same.is_empty() {
+            rest[1..].to_vec()
+        } else {
+            rest
+        };
     }
     merged
 }
@@ -96,9 +112,8 @@ fn overlap(a: &Sighting, b: &Sighting) -> f64 {
 
 fn average(same: &[Sighting], score: f64) -> Sighting {
     let total: f64 = same.iter().map(|s| s.score).sum();
-    let mean = |f: &dyn Fn(&Sighting) -> DVec2| {
-        same.iter().map(|s| f(s) * s.score).sum::<DVec2>() / total
-    };
+    let mean =
+        |f: &dyn Fn(&Sighting) -> DVec2| same.iter().map(|s| f(s) * s.score).sum::<DVec2>() / total;
     Sighting {
         low: mean(&|s| s.low),
         high: mean(&|s| s.high),
@@ -113,15 +128,26 @@ fn candidate(s: &Sighting, whole: &Square) -> Candidate {
     let [hips, reach] = [s.points[0], s.points[1]].map(|p| whole.to_picture(p));
     let up = reach - hips;
     let angle = std::f64::consts::FRAC_PI_2 - (-up.y).atan2(up.x);
-    let square = Square { centre: hips, side: 2.0 * MARGIN * up.length(), angle };
-    Candidate { square, score: s.score }
+    let square = Square {
+        centre: hips,
+        side: 2.0 * MARGIN * up.length(),
+        angle,
+    };
+    Candidate {
+        square,
+        score: s.score,
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const WHOLE: Square = Square { centre: DVec2::new(100.0, 50.0), side: 200.0, angle: 0.0 };
+    const WHOLE: Square = Square {
+        centre: DVec2::new(100.0, 50.0),
+        side: 200.0,
+        angle: 0.0,
+    };
 
     /// Outputs with nobody, for a test to put people into.
     fn nobody() -> (Vec<f32>, Vec<f32>) {

@@ -34,7 +34,11 @@ impl Square {
     /// The smallest upright square around a whole picture.
     pub(super) fn around(image: &Image) -> Self {
         let size = DVec2::new(image.width as f64, image.height as f64);
-        Self { centre: size / 2.0, side: size.max_element(), angle: 0.0 }
+        Self {
+            centre: size / 2.0,
+            side: size.max_element(),
+            angle: 0.0,
+        }
     }
 
     /// The picture's place [px] of a place in the square, both coordinates from 0 to 1.
@@ -90,12 +94,20 @@ mod tests {
     /// Red grows to the right, green downwards, four per pixel.
     fn ramps() -> Image {
         let pixel = |i: usize| [(i % 40 * 4) as u8, (i / 40 * 4) as u8, 100, 255];
-        Image { width: 40, height: 30, pixels: (0..1200).map(pixel).collect() }
+        Image {
+            width: 40,
+            height: 30,
+            pixels: (0..1200).map(pixel).collect(),
+        }
     }
 
     #[test]
     fn an_upright_square_keeps_pixels_as_they_are() {
-        let square = Square { centre: DVec2::new(18.0, 12.0), side: 8.0, angle: 0.0 };
+        let square = Square {
+            centre: DVec2::new(18.0, 12.0),
+            side: 8.0,
+            angle: 0.0,
+        };
         let out = sample(&ramps(), &square, 8, Border::Black);
         assert_eq!(out[..6], [14 * 4, 8 * 4, 100, 15 * 4, 8 * 4, 100]);
         assert_eq!(out[8 * 3..8 * 3 + 3], [14 * 4, 9 * 4, 100]);
@@ -104,7 +116,11 @@ mod tests {
     #[test]
     fn a_quarter_turn_looks_along_the_other_axis() {
         let angle = std::f64::consts::FRAC_PI_2;
-        let square = Square { centre: DVec2::new(20.0, 15.0), side: 10.0, angle };
+        let square = Square {
+            centre: DVec2::new(20.0, 15.0),
+            side: 10.0,
+            angle,
+        };
         let out = sample(&ramps(), &square, 10, Border::Black);
         // Its top left corner is the picture's top right one; rightwards is down.
         assert_eq!(out[..6], [25 * 4, 10 * 4, 100, 25 * 4, 11 * 4, 100]);
@@ -112,7 +128,11 @@ mod tests {
 
     #[test]
     fn beyond_the_edge_is_black_or_goes_on() {
-        let square = Square { centre: DVec2::ZERO, side: 8.0, angle: 0.0 };
+        let square = Square {
+            centre: DVec2::ZERO,
+            side: 8.0,
+            angle: 0.0,
+        };
         let outside = |border| sample(&ramps(), &square, 8, border)[..3].to_vec();
         assert_eq!(outside(Border::Black), [0, 0, 0]);
         assert_eq!(outside(Border::Stretched), [0, 0, 100]);
@@ -120,7 +140,11 @@ mod tests {
 
     #[test]
     fn between_pixels_values_mix_and_round() {
-        let square = Square { centre: DVec2::new(10.25, 10.5), side: 0.0, angle: 0.0 };
+        let square = Square {
+            centre: DVec2::new(10.25, 10.5),
+            side: 0.0,
+            angle: 0.0,
+        };
         assert_eq!(sample(&ramps(), &square, 1, Border::Black), [41, 42, 100]);
     }
 }

@@ -35,7 +35,10 @@ pub(super) fn read(
     let found = rows.map(|(i, row)| {
         let coarse = DVec2::new(f64::from(row[0]), f64::from(row[1])) / SIDE;
         let pixel = square.to_picture(sharpen(coarse, i, maps));
-        Keypoint { pixel, score: sigmoid(row[3]) }
+        Keypoint {
+            pixel,
+            score: sigmoid(row[3]),
+        }
     });
     let turn = DVec2::from_angle(square.angle);
     let world = space.as_chunks::<3>().0.iter().take(N).map(|row| {
@@ -74,7 +77,11 @@ fn sharpen(p: DVec2, i: usize, maps: &[f32]) -> DVec2 {
             place += DVec2::new(x as f64, y as f64) * heat;
         }
     }
-    if peak >= LEAST_PEAK { place / (sum * MAP as f64) } else { p }
+    if peak >= LEAST_PEAK {
+        place / (sum * MAP as f64)
+    } else {
+        p
+    }
 }
 
 #[cfg(test)]
@@ -94,8 +101,14 @@ mod tests {
         assert!((sharpen(p, 7, &maps) - DVec2::new(12.0, 22.0) / 64.0).length() < 1e-6);
         assert_eq!(sharpen(p, 6, &maps), p);
         // Five cells away is out of reach; outside the square nothing is looked at.
-        assert_eq!(sharpen(DVec2::new(17.5, 22.0) / 64.0, 7, &maps), DVec2::new(17.5, 22.0) / 64.0);
-        assert_eq!(sharpen(DVec2::new(-0.1, 0.3), 7, &maps), DVec2::new(-0.1, 0.3));
+        assert_eq!(
+            sharpen(DVec2::new(17.5, 22.0) / 64.0, 7, &maps),
+            DVec2::new(17.5, 22.0) / 64.0
+        );
+        assert_eq!(
+            sharpen(DVec2::new(-0.1, 0.3), 7, &maps),
+            DVec2::new(-0.1, 0.3)
+        );
     }
 
     #[test]
@@ -105,7 +118,11 @@ mod tests {
         let mut space = vec![0.0; N_ALL * 3];
         space[..3].copy_from_slice(&[1.0, 2.0, 3.0]);
         let angle = std::f64::consts::FRAC_PI_2;
-        let square = Square { centre: DVec2::new(10.0, 20.0), side: 8.0, angle };
+        let square = Square {
+            centre: DVec2::new(10.0, 20.0),
+            side: 8.0,
+            angle,
+        };
         let k = read(&points, &cold(), &space, (&square, [40, 30]));
         assert_eq!(k.points.len(), 33);
         assert!((k.points[0].pixel - DVec2::new(10.0, 24.0)).length() < 1e-12);
