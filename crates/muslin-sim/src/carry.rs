@@ -42,6 +42,17 @@ impl Carrier {
         c[0] * w[0] + c[1] * w[1] + c[2] * w[2]
     }
 
+    /// Skin vertices that the cloth is worn on.
+    pub fn worn_on(&self, skin: &Surface) -> Vec<bool> {
+        let mut out = vec![false; skin.verts().len()];
+        for &f in &self.faces {
+            skin.faces()[f as usize]
+                .iter()
+                .for_each(|&v| out[v as usize] = true);
+        }
+        out
+    }
+
     /// The skin's frame under a vertex: where it is and how it is turned.
     pub fn frame(&self, i: usize, skin: &Surface) -> DAffine3 {
         let c = skin.corners(self.faces[i]);

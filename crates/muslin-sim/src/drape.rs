@@ -13,12 +13,13 @@ use crate::{
     cloth::{Cloth, SimError, finite, same},
     crossings,
     matrix::Effort,
-    near::{Near, Neighbours},
+    near::{self, Near, Neighbours},
     newton::Problem,
     ordered,
     pairs::{Pair, Rule},
     pattern::Rows,
     quality::{self, Settled},
+    relief::relieve_path,
     safe,
     touch::Touch,
     weave::Weave,
@@ -128,8 +129,8 @@ type Held = DVec3;
 
 /// Slack of the neighbour lists [m].
 const SLACK: f64 = 4e-3;
-/// Sub-moves of one step, at most.
-const SUB_MOVES: usize = 6;
+/// Moves shorter than this are checked against the neighbour list [m].
+const SMALL_MOVE: f64 = 1.5e-3;
 
 impl<'a> Stage<'a> {
     fn new(
@@ -170,16 +171,25 @@ impl<'a> Stage<'a> {
         let near = &self.weave.pattern.near;
         let motions = self.carrier.motions(&old, &self.body.now, near);
         self.before.clone_from(&self.x);
-        for (i, motion) in motions.iter().enumerate() {
-            self.x[i] = motion.transform_point3(self.x[i]);
-            self.v[i] = motion.transform_vector3(self.v[i]);
+        let moves = ordered::map(self.x.len(), |i| {
+            motions[i].transform_point3(self.x[i]) - self.x[i]
+        });
+        for (v, motion) in self.v.iter_mut().zip(&motions) {
+            *v = motion.transform_vector3(*v);
         }
-        self.near = Neighbours::default();
-        self.find_tangles();
+        self.go(moves);
     }
 
     fn find_tangles(&mut self) {
         let pairs = crossings::crossing_faces(self.weave, &mut self.tree, &self.x);
+        if std::env::var("DBG").is_ok() {
+            let p: Vec<_> = pairs
+                .iter()
+                .take(3)
+                .map(|p| self.x[self.weave.faces[p[0] as usize][0] as usize])
+                .collect();
+            eprintln!("step {} tangles {} {:?}", self.steps, pairs.len(), p);
+        }
         self.tangled.fill(false);
         for pair in pairs {
             for f in pair {
@@ -206,9 +216,9 @@ impl<'a> Stage<'a> {
         let mut h = self.options.step;
         for _ in 0..5 {
             let drift: Vec<DVec3> = self.v.iter().map(|v| *v * h).collect();
-            self.go(&drift);
+            self.go(drift.clone());
             if let Some(moves) = self.solve(&from, &drift, h) {
-                self.go(&moves);
+                self.go(moves);
                 self.finish_step(&from, h, keep);
                 return Ok(());
             }
@@ -225,6 +235,14 @@ impl<'a> Stage<'a> {
             ((x[i] - from[i]) * (keep / h)).clamp_length_max(SPEED)
         });
         self.v = smooth(raw, &self.weave.pattern.near);
+        if std::env::var("DBG").is_ok() {
+            eprintln!(
+                "after step {} crossing {}",
+                self.steps,
+                crossings::crossing_faces(self.weave, &mut self.tree, &self.x).len()
+            );
+            self.near = Neighbours::default();
+        }
         self.before.clone_from(&self.x);
         self.body.stand();
         self.steps += 1;
@@ -328,26 +346,26 @@ impl<'a> Stage<'a> {
         }
         let reach = self.weave.radius + SLACK;
         self.near = Neighbours::find(self.weave, &mut self.tree, &self.x, reach);
-        let tangled = &self.tangled;
-        let free = |n: &Near| !n.verts.iter().any(|v| tangled[*v as usize]);
-        self.near.list.retain(free);
+        let list = std::mem::take(&mut self.near.list);
+        self.near.list = list.into_iter().filter(|n| self.is_free(n)).collect();
     }
 
     /// Moves the cloth along `moves` [m], as far as it can go without passing through itself.
-    ///
-    /// The way is cut into pieces that the neighbour list covers. Where that takes too many, all
-    /// of the cloth goes less far: a share of a descent still descends, a distorted one may not.
-    fn go(&mut self, moves: &[DVec3]) {
-        let budget = 0.45 * SLACK;
+    fn go(&mut self, mut moves: Vec<DVec3>) {
         let longest = moves.iter().map(|m| m.length()).fold(0.0, f64::max);
-        let pieces = ((longest / budget).ceil() as usize).clamp(1, SUB_MOVES);
-        let share = (1.0 / pieces as f64).min(budget / longest.max(f64::MIN_POSITIVE));
-        for _ in 0..pieces {
-            self.look_around(2.0 * share * longest);
-            let mut part: Vec<DVec3> = moves.iter().map(|m| *m * share).collect();
-            safe::slow_down(&self.near.list, &self.x, &mut part);
-            self.x.iter_mut().zip(part).for_each(|(x, p)| *x += p);
+        if longest < SMALL_MOVE {
+            self.look_around(2.0 * longest);
+            safe::slow_down(&self.near.list, &self.x, &mut moves);
+        } else {
+            let mut pairs = near::on_the_way(self.weave, &mut self.tree, (&self.x, &moves));
+            pairs.retain(|n| self.is_free(n));
+            safe::slow_down(&pairs, &self.x, &mut moves);
         }
+        self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
+    }
+
+    fn is_free(&self, near: &Near) -> bool {
+        !near.verts.iter().any(|v| self.tangled[*v as usize])
     }
 
     /// Shortens crossing lines a little, and looks again.

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use muslin_geom::{
-    bvh::{Bvh, face_boxes},
+    bvh::{Aabb, Bvh, face_boxes},
     closest::{on_segments, on_triangle},
 };
 use rayon::prelude::*;
@@ -62,6 +62,63 @@ impl Neighbours {
                 .iter()
                 .zip(x)
                 .all(|(a, b)| a.distance_squared(*b) <= room * room)
+    }
+}
+
+/// The pairs that could meet while every vertex goes straight by its entry of `moves` [m].
+///
+/// What neighbours do together does not bring them together: only the difference of their moves
+/// counts against the distance between them.
+pub(crate) fn on_the_way(
+    weave: &Weave,
+    tree: &mut Bvh,
+    (x, moves): (&[DVec3], &[DVec3]),
+) -> Vec<Near> {
+    let still = face_boxes(x, &weave.faces);
+    let there: Vec<DVec3> = x.iter().zip(moves).map(|(x, m)| *x + *m).collect();
+    let swept: Vec<Aabb> = (still.iter().zip(&weave.faces))
+        .map(|(b, f)| b.union(Aabb::of_face(&there, *f)))
+        .collect();
+    tree.refit(&swept);
+    let motions: Vec<Motion> = weave.faces.iter().map(|f| Motion::of(f, moves)).collect();
+    let lists: Vec<Vec<Near>> = tree
+        .self_pairs(TOUCHING)
+        .par_chunks(PAIRS)
+        .map(|chunk| {
+            let mut out = Vec::new();
+            for &[f, g] in chunk {
+                let (f, g) = (f as usize, g as usize);
+                let reach = motions[f].against(&motions[g]) + TOUCHING;
+                if still[f].grown(reach).overlaps(&still[g]) {
+                    features(weave, x, (f, g, reach), &mut out);
+                }
+            }
+            out
+        })
+        .collect();
+    lists.concat()
+}
+
+/// Distance at which pairs are followed even if they hardly move [m].
+const TOUCHING: f64 = 1e-4;
+
+/// How a face moves: the mean of its corners, and how far a corner strays from it [m].
+struct Motion {
+    mean: DVec3,
+    stray: f64,
+}
+
+impl Motion {
+    fn of(face: &[u32; 3], moves: &[DVec3]) -> Motion {
+        let m = face.map(|i| moves[i as usize]);
+        let mean = (m[0] + m[1] + m[2]) / 3.0;
+        let stray = m.iter().map(|v| v.distance(mean)).fold(0.0, f64::max);
+        Motion { mean, stray }
+    }
+
+    /// Most that two faces can approach each other [m].
+    fn against(&self, other: &Motion) -> f64 {
+        self.mean.distance(other.mean) + self.stray + other.stray
     }
 }
 

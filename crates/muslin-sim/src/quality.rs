@@ -22,6 +22,11 @@ pub struct Energies {
 pub struct Settled {
     /// Positions [m].
     pub verts: Vec<DVec3>,
+    /// The body that it rests on [m]: the path's last frame, drawn back where it folds into
+    /// itself so that cloth has room.
+    pub body: Vec<DVec3>,
+    /// How far the skin drew back at most [m]; see [`crate::relieve`].
+    pub yielded: f64,
     /// Energies at rest.
     pub energies: Energies,
     /// Pairs of cloth and body triangles that meet, by exact predicates.
@@ -97,6 +102,7 @@ impl Settled {
             stretch_p50: percentile(&mut stretch, 0.5),
             stretch_p99: percentile(&mut stretch, 0.99),
             stretch_max: percentile(&mut stretch, 1.0),
+            body: skin.verts().to_vec(),
             verts,
             ..Settled::default()
         }

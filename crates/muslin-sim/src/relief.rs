@@ -1,0 +1,314 @@
+//! Flesh gives way: a posed body that folds into itself is pressed apart, to leave room for cloth.
+//!
+//! Skinned bodies pass through themselves at armpits, crotch and knees, and a hand on a hip is
+//! a little inside it. No cloth could lie there. Real flesh yields: both sides draw back along
+//! their own normals, the thicker part more, until a gap stays between them, and the skin around
+//! follows smoothly. What is too deep for that is left as it is, and said.
+
+use glam::DVec3;
+use muslin_geom::{Aabb, Bvh, Surface, closest::Crossing};
+
+use crate::{ordered, pattern::Pattern};
+
+/// A body with room for cloth.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Relief {
+    /// Positions [m].
+    pub verts: Vec<DVec3>,
+    /// How far the skin drew back, at most [m].
+    pub deepest: f64,
+    /// Vertices that drew back by more than a tenth of a millimetre.
+    pub moved: usize,
+    /// Vertices that are still inside another part of the body.
+    pub left: usize,
+}
+
+/// Rounds of drawing back; each sees where the last one led.
+const ROUNDS: usize = 4;
+/// Largest share of a part's thickness that yields on one side.
+const YIELD: f64 = 0.4;
+/// How far a part is looked for [m].
+const FAR: f64 = 0.35;
+/// Skin that was this near at rest is one fold, not two parts [m].
+const SAME: f64 = 0.025;
+/// Rounds of spreading a dent, and what is left of it from one vertex to the next.
+const SPREAD: usize = 12;
+const FADE: f64 = 0.85;
+
+/// Presses a posed body apart where it folds into itself.
+///
+/// `rest`, `posed`: vertices [m] without and with the pose; `faces`: outward triangles; `gap`:
+/// room to leave between two parts of the skin [m]. Only vertices that `wanted` names may move.
+pub fn relieve(
+    (rest, posed): (&[DVec3], &[DVec3]),
+    faces: &[[u32; 3]],
+    gap: f64,
+    wanted: &[bool],
+) -> Relief {
+    let mut flesh = Flesh::new(rest, posed, faces);
+    let mut left = 0;
+    for _ in 0..ROUNDS {
+        let needs = flesh.needs(gap, wanted);
+        left = needs.iter().filter(|n| n.inside).count();
+        if needs.iter().all(|n| n.depth <= 0.0) {
+            break;
+        }
+        flesh.draw_back(&needs, wanted);
+    }
+    let moves: Vec<f64> = flesh
+        .now
+        .verts()
+        .iter()
+        .zip(posed)
+        .map(|(a, b)| a.distance(*b))
+        .collect();
+    Relief {
+        deepest: moves.iter().copied().fold(0.0, f64::max),
+        moved: moves.iter().filter(|m| **m > 1e-4).count(),
+        verts: flesh.now.verts().to_vec(),
+        left,
+    }
+}
+
+/// The path of a body that gives way: nothing changes but where skin would press on skin.
+///
+/// The first and the last frame are relieved; between them dents grow and fade along the skin's
+/// own normals. `near`: skin vertices that cloth is worn on; whatever comes within `around` [m]
+/// of them may yield too.
+pub(crate) fn relieve_path(
+    path: &[Vec<DVec3>],
+    faces: &[[u32; 3]],
+    (near, around): (&[bool], f64),
+    gap: f64,
+) -> (Vec<Vec<DVec3>>, Relief) {
+    let (first, last) = (&path[0], &path[path.len() - 1]);
+    let end = |frame: &[DVec3]| relieve((first, frame), faces, gap, &within(frame, near, around));
+    let (from, to) = (end(first), end(last));
+    let depth = |relief: &Relief, frame: &[DVec3], i: usize| relief.verts[i].distance(frame[i]);
+    let n = (path.len() - 1).max(1) as f64;
+    let mut out = path.to_vec();
+    for (k, frame) in out.iter_mut().enumerate() {
+        let t = k as f64 / n;
+        let normals = muslin_geom::vertex_normals(frame, faces);
+        for i in 0..frame.len() {
+            let d = depth(&from, first, i) * (1.0 - t) + depth(&to, last, i) * t;
+            frame[i] -= normals[i] * d;
+        }
+    }
+    out[0].clone_from(&from.verts);
+    let end = out.len() - 1;
+    out[end].clone_from(&to.verts);
+    (out, to)
+}
+
+/// Vertices within `around` [m] of those that `near` names.
+fn within(x: &[DVec3], near: &[bool], around: f64) -> Vec<bool> {
+    let points: Vec<DVec3> = x.iter().zip(near).filter(|p| *p.1).map(|p| *p.0).collect();
+    let boxes: Vec<Aabb> = points.iter().map(|p| Aabb::of(&[*p])).collect();
+    let tree = Bvh::over(&boxes);
+    let distance = |p: DVec3| {
+        tree.nearest(p, around * around, |k| {
+            points[k as usize].distance_squared(p)
+        })
+    };
+    ordered::map(x.len(), |i| near[i] || distance(x[i]).is_some())
+}
+
+struct Flesh<'a> {
+    rest: &'a [DVec3],
+    /// The body at rest, where parts are apart and thickness can be told.
+    whole: Surface,
+    now: Surface,
+    pattern: Pattern,
+    drawn: Vec<f64>,
+}
+
+/// What a vertex needs: how far to draw back [m], and whether it is inside another part.
+#[derive(Clone, Copy, Debug, Default)]
+struct Need {
+    depth: f64,
+    inside: bool,
+}
+
+impl<'a> Flesh<'a> {
+    fn new(rest: &'a [DVec3], posed: &[DVec3], faces: &[[u32; 3]]) -> Flesh<'a> {
+        Flesh {
+            rest,
+            whole: Surface::new(rest, faces),
+            now: Surface::new(posed, faces),
+            pattern: Pattern::new(rest.len(), faces),
+            drawn: vec![0.0; rest.len()],
+        }
+    }
+
+    fn needs(&self, gap: f64, wanted: &[bool]) -> Vec<Need> {
+        ordered::map(self.rest.len(), |i| {
+            if wanted[i] {
+                self.need(i, gap)
+            } else {
+                Need::default()
+            }
+        })
+    }
+
+    fn need(&self, i: usize, gap: f64) -> Need {
+        let normal = self.now.vertex_normals()[i];
+        let start = self.now.verts()[i];
+        let out = start + normal * 1e-4;
+        let inside = self.now.winding(out) > 0;
+        let other = if inside {
+            // The other part's skin lies behind: leave it by going back through it.
+            self.first(i, start, normal * -FAR, |c| c.leaves)
+                .map(|(f, d)| (f, d + gap))
+        } else {
+            let ahead = self.first(i, out, normal * gap, |c| !c.leaves);
+            ahead.map(|(f, d)| (f, gap - d))
+        };
+        let Some((face, depth)) = other else {
+            return Need { depth: 0.0, inside };
+        };
+        let mine = self.thickness(i);
+        let theirs = self.now.faces()[face as usize].map(|v| self.thickness(v as usize));
+        let theirs = theirs.into_iter().fold(0.0, f64::max);
+        let share = mine / (mine + theirs).max(1e-6);
+        let room = (YIELD * mine - self.drawn[i]).max(0.0);
+        Need {
+            depth: (depth * share).min(room),
+            inside,
+        }
+    }
+
+    /// The first crossing of another part on the way `d` from `p`, and how far it is [m].
+    fn first(
+        &self,
+        i: usize,
+        p: DVec3,
+        d: DVec3,
+        counts: impl Fn(&Crossing) -> bool,
+    ) -> Option<(u32, f64)> {
+        let mut best: Option<(f64, u32)> = None;
+        self.now.along(p, d, |c| {
+            let apart = || {
+                let f = self.now.faces()[c.face as usize];
+                f.iter()
+                    .all(|&v| self.rest[v as usize].distance(self.rest[i]) > SAME)
+            };
+            if counts(&c) && best.is_none_or(|b| c.at < b.0) && apart() {
+                best = Some((c.at, c.face));
+            }
+        });
+        best.map(|(at, face)| (face, at * d.length()))
+    }
+
+    /// How thick the body is behind a vertex at rest [m].
+    fn thickness(&self, i: usize) -> f64 {
+        let d = self.whole.vertex_normals()[i] * -FAR;
+        let mut best = 1.0f64;
+        let start = self.rest[i] + d * 1e-3;
+        self.whole.along(start, d, |c| {
+            if c.leaves {
+                best = best.min(c.at);
+            }
+        });
+        best * FAR
+    }
+
+    /// Moves the skin back by what it needs, and its surroundings along.
+    fn draw_back(&mut self, needs: &[Need], wanted: &[bool]) {
+        let near = &self.pattern.near;
+        let mut depth: Vec<f64> = needs.iter().map(|n| n.depth).collect();
+        for _ in 0..SPREAD {
+            depth = ordered::map(depth.len(), |i| {
+                let row = near.row(i);
+                let mean = row.iter().map(|&j| depth[j as usize]).sum::<f64>() / row.len() as f64;
+                if wanted[i] {
+                    needs[i].depth.max(FADE * mean)
+                } else {
+                    0.0
+                }
+            });
+        }
+        let normals = self.smooth_normals();
+        let verts = ordered::map(depth.len(), |i| self.now.verts()[i] - normals[i] * depth[i]);
+        self.drawn.iter_mut().zip(&depth).for_each(|(a, d)| *a += d);
+        self.now.refit(&verts);
+    }
+
+    /// Normals averaged over two rings, so that neighbours draw back side by side.
+    fn smooth_normals(&self) -> Vec<DVec3> {
+        let mut normals = self.now.vertex_normals().to_vec();
+        for _ in 0..2 {
+            normals = ordered::map(normals.len(), |i| {
+                let row = self.pattern.near.row(i);
+                row.iter()
+                    .map(|&j| normals[j as usize])
+                    .sum::<DVec3>()
+                    .normalize_or_zero()
+            });
+        }
+        normals
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two boxes-like balls of one mesh whose skins overlap after the pose.
+    fn balls(apart: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let (rows, cols) = (16, 24);
+        let mut verts = Vec::new();
+        let mut faces = Vec::new();
+        for side in [-1.0, 1.0] {
+            let base = verts.len() as u32;
+            let at = |r: usize, c: usize| base + (1 + (r - 1) * cols + c % cols) as u32;
+            let centre = DVec3::X * (0.5 * apart * side);
+            verts.push(centre + DVec3::Y * 0.1);
+            for r in 1..rows {
+                let lat = std::f64::consts::PI * r as f64 / rows as f64;
+                for c in 0..cols {
+                    let lon = std::f64::consts::TAU * c as f64 / cols as f64;
+                    let p = DVec3::new(lat.sin() * lon.sin(), lat.cos(), lat.sin() * lon.cos());
+                    verts.push(centre + p * 0.1);
+                }
+            }
+            verts.push(centre - DVec3::Y * 0.1);
+            let last = verts.len() as u32 - 1;
+            for c in 0..cols {
+                faces.push([base, at(1, c), at(1, c + 1)]);
+                for r in 1..rows - 1 {
+                    faces.push([at(r, c), at(r + 1, c), at(r + 1, c + 1)]);
+                    faces.push([at(r, c), at(r + 1, c + 1), at(r, c + 1)]);
+                }
+                faces.push([at(rows - 1, c), last, at(rows - 1, c + 1)]);
+            }
+        }
+        (verts, faces)
+    }
+
+    #[test]
+    fn overlapping_balls_are_pressed_apart_evenly() {
+        let (rest, faces) = balls(0.4);
+        let (posed, _) = balls(0.17);
+        let relief = relieve((&rest, &posed), &faces, 0.004, &vec![true; rest.len()]);
+        assert_eq!(relief.left, 0);
+        assert!(
+            (0.015..0.03).contains(&relief.deepest),
+            "{}",
+            relief.deepest
+        );
+        let mesh = muslin_geom::Mesh {
+            verts: relief.verts,
+            faces,
+        };
+        assert!(muslin_geom::self_intersections(&mesh).is_empty());
+    }
+
+    #[test]
+    fn a_body_with_room_is_left_alone() {
+        let (rest, faces) = balls(0.4);
+        let relief = relieve((&rest, &rest), &faces, 0.004, &vec![true; rest.len()]);
+        assert_eq!((relief.moved, relief.left), (0, 0));
+        assert_eq!(relief.verts, rest);
+    }
+}
