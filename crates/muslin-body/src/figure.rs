@@ -22,7 +22,6 @@ impl Avatar {
     ///
     /// `x = mean + Σ w_m mode_m + Σ s_l target_l`, for vertices and joints alike.
     pub fn figure(&self, shape: &Shape) -> Result<Figure, BodyError> {
-        shape.check()?;
         let points = self.moved(shape, self.n_points())?;
         let n = self.n_verts();
         let at = |bone_points: fn(&Avatar, usize) -> usize| {
@@ -41,7 +40,8 @@ impl Avatar {
     }
 
     /// The first `n` points [m] of `shape`.
-    fn moved(&self, shape: &Shape, n: usize) -> Result<Vec<DVec3>, BodyError> {
+    pub(crate) fn moved(&self, shape: &Shape, n: usize) -> Result<Vec<DVec3>, BodyError> {
+        shape.check()?;
         let sums = self.mode_sum(&self.blend().weights(&shape.phenotypes), n);
         let mut points: Vec<DVec3> = self.parts.mean[..n].to_vec();
         for (p, s) in points.iter_mut().zip(sums.as_chunks().0) {

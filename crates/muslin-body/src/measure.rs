@@ -1,6 +1,6 @@
 //! A figure's measures: what a scale, a stadiometer and a tape would say.
 
-use crate::{Avatar, Figure, Part};
+use crate::{Avatar, BodyError, Figure, Part, Shape};
 use glam::{DVec2, DVec3};
 
 /// Mass of a body by its volume [kg/m³].
@@ -62,11 +62,13 @@ impl Avatar {
 
     /// Inside the closed skin [m³], by the divergence theorem.
     pub fn volume(&self, figure: &Figure) -> f64 {
-        let six = self.collision_faces().iter().map(|f| {
-            let [a, b, c] = f.map(|i| figure.verts[i as usize]);
-            a.dot(b.cross(c))
-        });
-        six.sum::<f64>() / 6.0
+        enclosed(&figure.verts, self.collision_faces())
+    }
+
+    /// Inside the closed skin of `shape` [m³]; only the skin is evaluated.
+    pub(crate) fn volume_of(&self, shape: &Shape) -> Result<f64, BodyError> {
+        let skin = self.moved(shape, self.part(Part::Body).end)?;
+        Ok(enclosed(&skin, self.collision_faces()))
     }
 
     /// Around the waist along the skin [m].
@@ -170,6 +172,14 @@ fn girth(figure: &Figure, torso: &[[u32; 3]], y: f64) -> f64 {
         cut_triangle(f.map(|i| figure.verts[i as usize]), y, &mut cut);
     }
     hull_length(cut)
+}
+
+fn enclosed(verts: &[DVec3], faces: &[[u32; 3]]) -> f64 {
+    let six = faces.iter().map(|f| {
+        let [a, b, c] = f.map(|i| verts[i as usize]);
+        a.dot(b.cross(c))
+    });
+    six.sum::<f64>() / 6.0
 }
 
 pub(crate) fn span(at: impl Iterator<Item = DVec3>) -> f64 {

@@ -24,7 +24,7 @@ impl Avatar {
 
     /// How much `shape` weighs [kg].
     pub fn mass_of(&self, shape: &Shape) -> Result<f64, BodyError> {
-        Ok(self.volume(&self.figure(shape)?) * DENSITY)
+        Ok(self.volume_of(shape)? * DENSITY)
     }
 }
 
@@ -39,7 +39,7 @@ impl Shape {
         let [short, tall] = ends;
         let (short, tall) = (short?, tall?);
         let at = |h: f64| span(short.iter().zip(&tall).map(|(a, b)| DVec3::lerp(*a, *b, h)));
-        let h = solve(metres, 1e-6, self.phenotypes[HEIGHT], |h| Ok(at(h)))?;
+        let h = solve(metres, 1e-6, |h| Ok(at(h)))?;
         let reached = |(least, most)| BodyError::HeightOutOfReach {
             asked: metres,
             least,
@@ -67,18 +67,25 @@ impl Shape {
     ) -> Result<Shape, BodyError> {
         let mass = |s: &Shape| avatar.mass_of(&s.with_height(avatar, metres)?);
         let path = self.path_of_mass();
-        // The weight phenotype's own span first; the others only where it does not reach.
-        for k in [1, 0, 2, 3] {
-            let on = |t: f64| path[k].between(&path[k + 1], t);
-            if let Ok(t) = solve(kg, 0.005, 0.5, |t| mass(&on(t)))? {
-                return on(t).with_height(avatar, metres);
+        let on = |k: usize, t: f64| path[k].between(&path[k + 1], t);
+        let span = |k: usize| solve(kg, 0.005, |t| mass(&on(k, t)));
+        let met = |k: usize, t: f64| on(k, t).with_height(avatar, metres);
+        // The weight phenotype's own span first; then whichever way the mass lies.
+        let own = match span(1)? {
+            Ok(t) => return met(1, t),
+            Err(reach) => reach,
+        };
+        let mut reach = own;
+        for k in if kg < own.0 { vec![0] } else { vec![2, 3] } {
+            match span(k)? {
+                Ok(t) => return met(k, t),
+                Err((least, most)) => reach = (reach.0.min(least), reach.1.max(most)),
             }
         }
-        let (least, most) = (mass(&path[0])?, mass(&path[4])?);
         Err(BodyError::MassOutOfReach {
             asked: kg,
-            least,
-            most,
+            least: reach.0,
+            most: reach.1,
         })
     }
 
@@ -134,15 +141,14 @@ impl Shape {
 
 type Reach = (f64, f64);
 
-/// The `t` in 0..=1 where the monotone `f` is `want` within `tolerance`, first tried at `guess`;
-/// else the values at both ends.
+/// The `t` in 0..=1 where the monotone `f` is `want` within `tolerance`; else
+/// the values at both ends.
 ///
 /// False position, where an end that stays twice counts half (the Illinois rule): it passes
 /// kinks without stalling.
 fn solve(
     want: f64,
     tolerance: f64,
-    guess: f64,
     f: impl Fn(f64) -> Result<f64, BodyError>,
 ) -> Result<Result<f64, Reach>, BodyError> {
     let (mut a, mut b) = ((0.0, f(0.0)? - want), (1.0, f(1.0)? - want));
@@ -150,8 +156,13 @@ fn solve(
         let (least, most) = (a.1.min(b.1) + want, a.1.max(b.1) + want);
         return Ok(Err((least, most)));
     }
-    let mut t = guess.clamp(0.001, 0.999);
+    let mut t = 0.0;
     for _ in 0..100 {
+        let slope = b.1 - a.1;
+        if slope == 0.0 {
+            break;
+        }
+        t = ((a.0 * b.1 - b.0 * a.1) / slope).clamp(0.0, 1.0);
         let off = f(t)? - want;
         if off.abs() <= tolerance || a.0 == b.0 {
             break;
@@ -162,7 +173,6 @@ fn solve(
         } else {
             (a, b) = (b, (t, off));
         }
-        t = ((a.0 * b.1 - b.0 * a.1) / (b.1 - a.1)).clamp(0.0, 1.0);
     }
     Ok(Ok(t))
 }
@@ -175,12 +185,10 @@ mod tests {
     fn a_kinked_rise_is_solved() {
         let f = |t: f64| Ok(if t < 0.5 { t } else { 0.5 + 10.0 * (t - 0.5) });
         for want in [0.0, 0.2, 0.5, 3.0, 5.5] {
-            let t = solve(want, 1e-9, 0.3, f)
-                .expect("no error")
-                .expect("in reach");
+            let t = solve(want, 1e-9, f).expect("no error").expect("in reach");
             assert!((f(t).expect("fine") - want).abs() < 1e-8, "{want} at {t}");
         }
-        let (least, most) = solve(6.0, 1e-9, 0.3, f)
+        let (least, most) = solve(6.0, 1e-9, f)
             .expect("no error")
             .expect_err("out of reach");
         assert!(least.abs() < 1e-12 && (most - 5.5).abs() < 1e-12);
@@ -188,7 +196,7 @@ mod tests {
 
     #[test]
     fn a_fall_is_solved_too() {
-        let t = solve(0.7, 1e-9, 0.9, |t| Ok(1.0 - t * t))
+        let t = solve(0.7, 1e-9, |t| Ok(1.0 - t * t))
             .expect("no error")
             .expect("in reach");
         assert!((t - 0.3f64.sqrt()).abs() < 1e-8);

@@ -237,7 +237,7 @@ fn mass_and_height_are_met_together() {
         .with_mass(&AVATAR, 400.0)
         .expect_err("too heavy");
     assert!(
-        matches!(heavy, BodyError::MassOutOfReach { most, .. } if most > 100.0),
+        matches!(heavy, BodyError::MassOutOfReach { least, most, .. } if least < 65.0 && most > 100.0),
         "{heavy}"
     );
 }
