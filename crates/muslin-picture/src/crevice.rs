@@ -1,6 +1,7 @@
 //! The small dark places between folds, from the picture's own depths.
 
 use std::f32::consts::TAU;
+use std::sync::LazyLock;
 
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -118,26 +119,17 @@ impl View<'_> {
         let n = self.camera_from_world * self.depths.normal[y * self.depths.width + x];
         let n = Vec3::new(n.x, -n.y, -n.z);
         let reach = (REACH * self.focal / p.z).clamp(2.0, 48.0);
-        let start = BAYER[y % 4][x % 4] / 16.0;
-        let closed: f32 = (0..TAPS)
-            .map(|i| self.tap((x, y), p, n, (start, i, reach)))
-            .sum();
+        let turn = TURNS[y % 4][x % 4];
+        let here = Vec2::new(x as f32, y as f32);
+        let tap = |at: &Vec2| self.tap(turn.rotate(*at) * reach + here, p, n);
+        let closed: f32 = SPIRAL.iter().map(tap).sum();
         (1.0 - STRENGTH * closed / TAPS as f32).clamp(0.0, 1.0)
     }
 
-    fn tap(
-        &self,
-        at: (usize, usize),
-        p: Vec3,
-        n: Vec3,
-        (start, i, reach): (f32, usize, f32),
-    ) -> f32 {
-        let share = (i as f32 + 0.5) / TAPS as f32;
-        let (sin, cos) = (TAU * (start / 3.0 + 3.0 * share)).sin_cos();
-        let x = at.0 as f32 + (reach * share * cos).round();
-        let y = at.1 as f32 + (reach * share * sin).round();
-        let inside =
-            x >= 0.0 && y >= 0.0 && x < self.depths.width as f32 && y < self.depths.height as f32;
+    fn tap(&self, at: Vec2, p: Vec3, n: Vec3) -> f32 {
+        let (x, y) = (at.x + 0.5, at.y + 0.5);
+        let (w, h) = (self.depths.width as f32, self.depths.height as f32);
+        let inside = x >= 0.0 && y >= 0.0 && x < w && y < h;
         let Some(q) = inside.then(|| self.point(x as usize, y as usize)).flatten() else {
             return 0.0;
         };
@@ -147,6 +139,18 @@ impl View<'_> {
         (to.dot(n) / d2.sqrt() - 0.12).max(0.0) * near
     }
 }
+
+/// Three turns outwards.
+static SPIRAL: LazyLock<[Vec2; TAPS]> = LazyLock::new(|| {
+    std::array::from_fn(|i| {
+        let share = (i as f32 + 0.5) / TAPS as f32;
+        Vec2::from_angle(3.0 * TAU * share) * share
+    })
+});
+
+/// How the spiral is turned in each pixel of a 4 × 4 block: sixteen different ways.
+static TURNS: LazyLock<[[Vec2; 4]; 4]> =
+    LazyLock::new(|| BAYER.map(|row| row.map(|k| Vec2::from_angle(TAU / 3.0 * k / 16.0))));
 
 /// Ordered thresholds, each of 0 to 15 once in every 4 × 4 block.
 const BAYER: [[f32; 4]; 4] = [

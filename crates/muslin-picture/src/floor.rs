@@ -1,6 +1,7 @@
 //! The floor, seen only by the shadow on it.
 
 use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
 use crate::Ground;
 use crate::dome::Probe;
@@ -8,9 +9,9 @@ use crate::light_map::LightMap;
 use crate::studio::KEY_RADIUS;
 
 /// Points a side of the grid that gathers the dome's light.
-const GRID: usize = 72;
+const GRID: usize = 96;
 /// How far the grid reaches beyond the figure [m].
-const BORDER: f32 = 0.8;
+const BORDER: f32 = 0.65;
 
 /// Where on the floor the dome's light is gathered.
 pub(crate) struct Patch {
@@ -68,7 +69,7 @@ impl Floor {
         key_light: f32,
     ) -> Self {
         let clear = dome.iter().map(|l| l.y).fold(1e-6, f32::max);
-        let open = dome.iter().map(|l| l.y / clear).collect();
+        let open = softened(softened(dome.iter().map(|l| l.y / clear).collect()));
         let shade = Pyramid::new(key);
         let height = patch.height;
         let key_share = key_light / (key_light + clear);
@@ -127,9 +128,10 @@ struct Level {
 impl Pyramid {
     fn new(key: &LightMap) -> Self {
         let solid = |&t: &f32| if t.is_finite() { [1.0, t] } else { [0.0, 0.0] };
+        let texels = key.top.par_iter().map(solid).collect();
         let mut levels = vec![Level {
             size: key.size,
-            texels: key.top.iter().map(solid).collect(),
+            texels,
         }];
         while levels[levels.len() - 1].size > 4 {
             let next = levels[levels.len() - 1].halved();
@@ -142,16 +144,14 @@ impl Pyramid {
     fn shadow(&self, key: &LightMap, at: Vec3) -> f32 {
         let p = key.place(at);
         let widest = 0.10 / key.texel;
-        let [cover, sum] = self.blurred(p.x, p.y, widest);
+        let level = (widest.log2() as usize).min(self.levels.len() - 1);
+        let [cover, sum] = self.levels[level].at(p.x, p.y, level);
         if cover < 1e-4 {
             return 0.0;
         }
         let above = (sum / cover - p.z).max(0.0);
-        self.blurred(
-            p.x,
-            p.y,
-            (KEY_RADIUS * above / key.texel).clamp(1.5, 2.0 * widest),
-        )[0]
+        let radius = (KEY_RADIUS * above / key.texel).clamp(1.5, 2.0 * widest);
+        self.blurred(p.x, p.y, radius)[0] / (1.0 + (above / FADE).powi(2))
     }
 
     /// Mean over a disc of `radius` texels of the finest level.
@@ -172,6 +172,21 @@ impl Pyramid {
         }
         sum
     }
+}
+
+/// Height above the floor at which a shadow has lost half its depth [m]: the lamp's
+/// halo is wider than the lamp.
+const FADE: f32 = 1.5;
+
+/// The grid after one pass of a 3 × 3 binomial blur.
+fn softened(grid: Vec<f32>) -> Vec<f32> {
+    let at = |x: usize, y: usize| grid[y.min(GRID - 1) * GRID + x.min(GRID - 1)];
+    let row = |x: usize, y: usize| at(x.saturating_sub(1), y) + 2.0 * at(x, y) + at(x + 1, y);
+    let one = |i: usize| {
+        let (x, y) = (i % GRID, i / GRID);
+        (row(x, y.saturating_sub(1)) + 2.0 * row(x, y) + row(x, y + 1)) / 16.0
+    };
+    (0..GRID * GRID).map(one).collect()
 }
 
 /// A disc's middle and six places round it, with their weights.
@@ -196,7 +211,7 @@ impl Level {
         };
         Self {
             size,
-            texels: (0..size * size).map(texel).collect(),
+            texels: (0..size * size).into_par_iter().map(texel).collect(),
         }
     }
 
@@ -204,16 +219,13 @@ impl Level {
     fn at(&self, x: f32, y: f32, level: usize) -> [f32; 2] {
         let scale = 1.0 / (1 << level) as f32;
         let (x, y) = (x * scale - 0.5, y * scale - 0.5);
-        let (i, j) = (x.floor(), y.floor());
-        let (fx, fy) = (x - i, y - j);
-        let texel = |di: i64, dj: i64| {
-            let (u, v) = (i as i64 + di, j as i64 + dj);
-            let inside = 0..self.size as i64;
-            match inside.contains(&u) && inside.contains(&v) {
-                true => self.texels[v as usize * self.size + u as usize],
-                false => [0.0; 2],
-            }
-        };
+        let limit = (self.size - 1) as f32;
+        if !(x >= 0.0 && y >= 0.0 && x < limit && y < limit) {
+            return [0.0; 2];
+        }
+        let (i, j) = (x as usize, y as usize);
+        let (fx, fy) = (x - i as f32, y - j as f32);
+        let texel = |di: usize, dj: usize| self.texels[(j + dj) * self.size + i + di];
         let (a, b, c, d) = (texel(0, 0), texel(1, 0), texel(0, 1), texel(1, 1));
         [0, 1].map(|k| {
             (a[k] * (1.0 - fx) + b[k] * fx) * (1.0 - fy) + (c[k] * (1.0 - fx) + d[k] * fx) * fy

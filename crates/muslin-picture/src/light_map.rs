@@ -109,10 +109,9 @@ impl LightMap {
 
     /// Topmost surface of the texel around `(x, y)`; -∞ outside.
     pub fn at(&self, x: f32, y: f32) -> f32 {
-        let (i, j) = (x.floor() as i64, y.floor() as i64);
-        let inside = 0..self.size as i64;
-        match inside.contains(&i) && inside.contains(&j) {
-            true => self.top[j as usize * self.size + i as usize],
+        let limit = self.size as f32;
+        match x >= 0.0 && y >= 0.0 && x < limit && y < limit {
+            true => self.top[y as usize * self.size + x as usize],
             false => f32::NEG_INFINITY,
         }
     }
@@ -121,12 +120,12 @@ impl LightMap {
     /// weighted by nearness.
     pub fn lit(&self, x: f32, y: f32, height: f32) -> f32 {
         let (x, y) = (x - 0.5, y - 0.5);
-        let (i, j) = (x.floor(), y.floor());
         let limit = (self.size - 1) as f32;
-        if !(i >= 0.0 && j >= 0.0 && i < limit && j < limit) {
+        if !(x >= 0.0 && y >= 0.0 && x < limit && y < limit) {
             return 1.0;
         }
-        let (fx, fy) = (x - i, y - j);
+        let (i, j) = (x as u32, y as u32);
+        let (fx, fy) = (x - i as f32, y - j as f32);
         let first = j as usize * self.size + i as usize;
         let open = |at: usize| f32::from(u8::from(self.top[at] <= height));
         let above = open(first) * (1.0 - fx) + open(first + 1) * fx;

@@ -29,8 +29,8 @@ impl Tri {
     /// Snaps the corners [px]; none if nothing is left of the triangle.
     /// Coordinates must be below 2^22 px.
     pub fn new(p: [DVec2; 3], mut near: [f32; 3], id: u32) -> Option<Self> {
-        let mut x = p.map(|p| (p.x * UNIT as f64).round() as i32);
-        let mut y = p.map(|p| (p.y * UNIT as f64).round() as i32);
+        let mut x = p.map(|p| snap(p.x));
+        let mut y = p.map(|p| snap(p.y));
         let area = i64::from(x[1] - x[0]) * i64::from(y[2] - y[0])
             - i64::from(x[2] - x[0]) * i64::from(y[1] - y[0]);
         if area < 0 {
@@ -87,6 +87,12 @@ impl Tri {
             hi,
         }
     }
+}
+
+/// Pixels to snapped units, rounded by truncation of a number made positive.
+fn snap(px: f64) -> i32 {
+    const LIFT: f64 = 2_147_483_648.0;
+    ((px * UNIT as f64 + (LIFT + 0.5)) as i64 - LIFT as i64) as i32
 }
 
 /// `a x + b y + c` over snapped coordinates.

@@ -96,7 +96,7 @@ impl Material {
     /// A neutral, matte, warm grey shop mannequin.
     pub fn mannequin() -> Self {
         Self {
-            colour: [0.50, 0.465, 0.435],
+            colour: [0.44, 0.408, 0.378],
             roughness: 0.75,
             specular: 0.025,
             sheen: [0.0; 3],

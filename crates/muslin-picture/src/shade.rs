@@ -1,6 +1,7 @@
 //! How a surface answers the light.
 
 use std::f32::consts::{PI, TAU};
+use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3};
 
@@ -39,7 +40,8 @@ impl Shader<'_> {
             .powf(1.0)
             .lerp(Vec3::ONE, Vec3::splat(0.0).x);
         let bounced = open3 + (Vec3::ONE - open3) * albedo * (0.6 * open);
-        let diffuse = albedo * (key * wrapped * (0.4 + 0.6 * open) + f.dome * bounced);
+        let dome = f.dome + bounce(f.dome, albedo);
+        let diffuse = albedo * (key * wrapped * (0.4 + 0.6 * open) + dome * bounced);
         let gloss = key * highlight(material, normal, l, view);
         let fuzz = Vec3::from(material.sheen)
             * (key * fuzz(normal, l, view) + f.dome * (open * grazing(normal, view)));
@@ -97,11 +99,11 @@ impl Shader<'_> {
         if receiver.turned_away {
             return 0.0;
         }
-        let turn = TAU * interleaved(x, y);
+        let turn = Vec2::from_angle(TAU * interleaved(x, y));
         let widest = (KEY_RADIUS * 0.45 / map.texel).clamp(2.0, 40.0);
         let (mut height, mut blockers) = (0.0, 0.0);
-        for i in 0..SEARCH {
-            let d = spiral(i, SEARCH, turn) * widest;
+        for point in SEARCH.iter() {
+            let d = turn.rotate(*point) * widest;
             let top = map.at(receiver.at.x + d.x, receiver.at.y + d.y);
             if top > receiver.height(d) {
                 (height, blockers) = (height + top, blockers + 1.0);
@@ -112,18 +114,24 @@ impl Shader<'_> {
         }
         let gap = (height / blockers - receiver.at.z).max(0.0);
         let radius = (KEY_RADIUS * gap / map.texel).clamp(1.6, widest);
-        let tap = |i| {
-            let d = spiral(i, TAPS, turn) * radius;
+        let tap = |point: &Vec2| {
+            let d = turn.rotate(*point) * radius;
             map.lit(receiver.at.x + d.x, receiver.at.y + d.y, receiver.height(d))
         };
-        (0..TAPS).map(tap).sum::<f32>() / TAPS as f32
+        TAPS.iter().map(tap).sum::<f32>() / TAPS.len() as f32
     }
 }
 
-/// Looks for blockers.
-const SEARCH: usize = 20;
-/// Looks at the shadow.
-const TAPS: usize = 40;
+/// Light that hidden places get from the cloth around them, which hides the dome.
+fn bounce(dome: Vec3, albedo: Vec3) -> Vec3 {
+    const OPEN: f32 = 0.45;
+    (albedo * 0.35 + Vec3::splat(0.05)) * (OPEN - dome.y).max(0.0)
+}
+
+/// Where blockers are looked for.
+static SEARCH: LazyLock<[Vec2; 20]> = LazyLock::new(spiral);
+/// Where the shadow is looked at.
+static TAPS: LazyLock<[Vec2; 40]> = LazyLock::new(spiral);
 
 /// A shaded point as the key light's map sees it.
 struct Receiver {
@@ -158,11 +166,12 @@ impl Receiver {
     }
 }
 
-/// Point `i` of `n` spread evenly over the unit disc, turned by `turn` [rad].
-fn spiral(i: usize, n: usize, turn: f32) -> Vec2 {
-    let r = ((i as f32 + 0.5) / n as f32).sqrt();
-    let (sin, cos) = (i as f32 * 2.399_963 + turn).sin_cos();
-    Vec2::new(cos, sin) * r
+/// `N` points spread evenly over the unit disc.
+fn spiral<const N: usize>() -> [Vec2; N] {
+    std::array::from_fn(|i| {
+        let r = ((i as f32 + 0.5) / N as f32).sqrt();
+        Vec2::from_angle(i as f32 * 2.399_963) * r
+    })
 }
 
 /// Interleaved gradient noise (Jimenez 2014), 0 to 1.
@@ -185,13 +194,12 @@ fn highlight(material: &Material, n: Vec3, l: Vec3, v: Vec3) -> f32 {
     PI * d * visible * fresnel * nl
 }
 
-/// Fuzz lit by the key light, "Charlie" (Estevez and Kulla 2017) times cosine.
+/// Fuzz lit by the key light, "Charlie" (Estevez and Kulla 2017) of roughness ½
+/// times cosine.
 fn fuzz(n: Vec3, l: Vec3, v: Vec3) -> f32 {
-    const SHARPNESS: f32 = 1.0 / 0.45;
     let h = (l + v).normalize_or(n);
     let (nl, nv) = (n.dot(l).max(0.0), n.dot(v).max(0.0));
-    let sin = (1.0 - n.dot(h).powi(2)).max(0.0).sqrt();
-    let d = (2.0 + SHARPNESS) * sin.powf(SHARPNESS) / TAU;
+    let d = 4.0 * (1.0 - n.dot(h).powi(2)).max(0.0) / TAU;
     PI * d * nl / (4.0 * (nl + nv - nl * nv) + 1e-3)
 }
 
