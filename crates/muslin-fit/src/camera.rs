@@ -22,7 +22,10 @@ impl Camera {
     /// The same for many points at once.
     pub fn project_all(&self, world: &[DVec3]) -> Vec<Option<DVec2>> {
         let camera_from_world = self.world_from_camera.inverse();
-        world.iter().map(|p| self.view(camera_from_world.transform_point3(*p))).collect()
+        world
+            .iter()
+            .map(|p| self.view(camera_from_world.transform_point3(*p)))
+            .collect()
     }
 
     /// Where a point in the camera's frame is in the picture.

@@ -30,7 +30,11 @@ const FLOOR: f64 = 1.0;
 /// Minimises the problem from `start`.
 pub fn descend(problem: &Problem, start: Guess, patience: Patience) -> Descent {
     let mut skin = problem.skin(&start, None, true);
-    let mut at = Descent { cost: problem.cost(&start, &skin), guess: start, steps: 0 };
+    let mut at = Descent {
+        cost: problem.cost(&start, &skin),
+        guess: start,
+        steps: 0,
+    };
     let mut lambda = 1e-3;
     while at.steps < patience.steps && at.cost.is_finite() {
         at.steps += 1;
@@ -56,7 +60,9 @@ pub fn descend(problem: &Problem, start: Guess, patience: Patience) -> Descent {
 
 fn equations(problem: &Problem, guess: &Guess, skin: &Skin) -> System {
     let mut system = System::new(problem.columns().len());
-    problem.rows(guess, skin, &mut |columns, values, r, w| system.add(columns, values, r, w));
+    problem.rows(guess, skin, &mut |columns, values, r, w| {
+        system.add(columns, values, r, w)
+    });
     let first = problem.columns().shape();
     for i in 0..guess.shape.len() {
         // A value at the end of its range stays unless it wants back.

@@ -25,11 +25,23 @@ pub fn list(evidence: &Evidence, options: &FitOptions) -> Vec<String> {
             doubts.push(text.to_string());
         }
     };
-    say(options.height_m.is_none(), "height: assumed, as no picture shows it; give it");
-    say(options.weight_kg.is_none(), "girth: as expected at this height; give the weight");
+    say(
+        options.height_m.is_none(),
+        "height: assumed, as no picture shows it; give it",
+    );
+    say(
+        options.weight_kg.is_none(),
+        "girth: as expected at this height; give the weight",
+    );
     say(true, "twist of straight arms and legs");
-    say(!evidence.has_depth(), "depth: from the plane of the picture alone");
-    say(options.focal_px.is_none(), "distance and focal length: they trade for each other");
+    say(
+        !evidence.has_depth(),
+        "depth: from the plane of the picture alone",
+    );
+    say(
+        options.focal_px.is_none(),
+        "distance and focal length: they trade for each other",
+    );
     for (part, markers) in PARTS {
         let score = |&k: &usize| evidence.marker(k).map_or(0.0, |s| s.score);
         if markers.iter().map(score).fold(1.0, f64::min) < SEEN {

@@ -4,7 +4,9 @@
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FitError {
     /// Too little of the person is seen.
-    #[error("only {found} points of the person are usable; {need} are needed, both hips or both shoulders among them; choose a photo that shows the person from head to knee at least")]
+    #[error(
+        "only {found} points of the person are usable; {need} are needed, both hips or both shoulders among them; choose a photo that shows the person from head to knee at least"
+    )]
     TooFewPoints {
         /// Usable points found.
         found: usize,

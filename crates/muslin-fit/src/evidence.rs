@@ -44,23 +44,43 @@ impl Evidence {
         for (i, point) in keypoints.points.iter().enumerate() {
             let world = keypoints.world.as_ref().and_then(|w| w.get(i).copied());
             let finite = point.pixel.is_finite() && world.is_none_or(DVec3::is_finite);
-            let Some((marker, spread)) = marker(keypoints.layout, i) else { continue };
+            let Some((marker, spread)) = marker(keypoints.layout, i) else {
+                continue;
+            };
             if finite && point.score >= LEAST_SCORE {
                 let pixel = (point.pixel - centre) * DVec2::new(1.0, -1.0);
                 let score = point.score.min(1.0);
-                seen.push(Seen { marker, pixel, world, score, spread });
+                seen.push(Seen {
+                    marker,
+                    pixel,
+                    world,
+                    score,
+                    spread,
+                });
             }
         }
         seen.sort_by_key(|s| s.marker);
         let low = seen.iter().fold(DVec2::INFINITY, |m, s| m.min(s.pixel));
         let high = seen.iter().fold(DVec2::NEG_INFINITY, |m, s| m.max(s.pixel));
-        let size = if seen.is_empty() { 0.0 } else { (high - low).max_element() };
-        Evidence { seen, size, centre, longest: w.max(h) }
+        let size = if seen.is_empty() {
+            0.0
+        } else {
+            (high - low).max_element()
+        };
+        Evidence {
+            seen,
+            size,
+            centre,
+            longest: w.max(h),
+        }
     }
 
     /// The pixel and world place of a marker, if seen.
     pub fn marker(&self, marker: usize) -> Option<&Seen> {
-        self.seen.binary_search_by_key(&marker, |s| s.marker).ok().map(|i| &self.seen[i])
+        self.seen
+            .binary_search_by_key(&marker, |s| s.marker)
+            .ok()
+            .map(|i| &self.seen[i])
     }
 
     /// Whether most points have a place in space.
@@ -112,11 +132,19 @@ mod tests {
 
     #[test]
     fn points_that_say_nothing_are_left_out() {
-        let point = |x: f64, score| Keypoint { pixel: DVec2::new(x, 10.0), score };
+        let point = |x: f64, score| Keypoint {
+            pixel: DVec2::new(x, 10.0),
+            score,
+        };
         let mut points = vec![point(5.0, 0.9); 17];
         points[3].score = 0.0;
         points[4].pixel.x = f64::NAN;
-        let keypoints = Keypoints { layout: Layout::Coco17, points, world: None, image_size: [20, 40] };
+        let keypoints = Keypoints {
+            layout: Layout::Coco17,
+            points,
+            world: None,
+            image_size: [20, 40],
+        };
         let evidence = Evidence::new(&keypoints);
         assert_eq!(evidence.seen.len(), 15);
         assert!(evidence.marker(3).is_none() && evidence.marker(5).is_some());
@@ -127,7 +155,10 @@ mod tests {
     fn middles_of_other_points_are_not_counted_twice() {
         assert_eq!(marker(Layout::Body25, 1), None);
         assert_eq!(marker(Layout::Body25, 8), None);
-        assert_eq!(marker(Layout::Body25, 5).map(|m| REGRESSED[m.0]), Some("left_shoulder"));
+        assert_eq!(
+            marker(Layout::Body25, 5).map(|m| REGRESSED[m.0]),
+            Some("left_shoulder")
+        );
         assert_eq!(marker(Layout::BlazePose33, 17).map(|m| m.0), Some(23));
     }
 }

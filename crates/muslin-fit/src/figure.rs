@@ -5,8 +5,8 @@ use crate::fold::Folded;
 use glam::DVec3;
 use muslin_body::{Avatar, PHENOTYPES, Shape};
 
-/// Where the height stands in [`PHENOTYPES`].
-const HEIGHT: usize = 4;
+/// Phenotypes with two anchors: features are linear in each (gender, age, height, proportions).
+const STRAIGHT: [usize; 4] = [0, 1, 4, 5];
 
 /// A shape parameter that the solver may change, made ready.
 #[derive(Debug, Clone)]
@@ -30,20 +30,32 @@ pub struct Shapes<'a> {
     folded: &'a Folded,
     base: Shape,
     free: &'a [Free],
-    /// What the sliders that are not free add to the features of every shape.
+    /// What all shapes have in common: sliders that are not free, and the phenotypes where
+    /// `slope` is known.
     fixed: Vec<DVec3>,
+    /// How features change with the only free phenotype, if they are linear in it; empty if
+    /// no phenotype is free.
+    slope: Option<Vec<DVec3>>,
 }
 
 impl Free {
     /// Makes phenotypes and sliders ready: name, and how far people stray.
-    pub fn list(avatar: &Avatar, folded: &Folded, free: &[(&str, f64)]) -> Result<Vec<Free>, FitError> {
+    pub fn list(
+        avatar: &Avatar,
+        folded: &Folded,
+        free: &[(&str, f64)],
+    ) -> Result<Vec<Free>, FitError> {
         let one = |&(name, spread): &(&str, f64)| {
             let phenotype = PHENOTYPES.iter().position(|p| *p == name);
             let kind = match phenotype {
                 Some(i) => Kind::Phenotype(i),
                 None => Kind::Slider(folded.slider(avatar, name)?),
             };
-            Ok(Free { name: name.to_string(), kind, spread })
+            Ok(Free {
+                name: name.to_string(),
+                kind,
+                spread,
+            })
         };
         free.iter().map(one).collect()
     }
@@ -51,7 +63,11 @@ impl Free {
     fn prior(&self, base: &Shape) -> f64 {
         match self.kind {
             Kind::Phenotype(i) => base.phenotypes[i],
-            Kind::Slider(_) => base.locals.iter().find(|l| l.0 == self.name).map_or(0.0, |l| l.1),
+            Kind::Slider(_) => base
+                .locals
+                .iter()
+                .find(|l| l.0 == self.name)
+                .map_or(0.0, |l| l.1),
         }
     }
 }
@@ -70,7 +86,43 @@ impl<'a> Shapes<'a> {
                 add_side(&mut fixed, &folded.slider(avatar, name)?, *value);
             }
         }
-        Ok(Shapes { folded, base: base.clone(), free, fixed })
+        let base = base.clone();
+        let mut shapes = Shapes {
+            folded,
+            base,
+            free,
+            fixed,
+            slope: None,
+        };
+        let phenotypes = shapes.free_phenotypes();
+        if phenotypes.len() < 2 && phenotypes.iter().all(|i| STRAIGHT.contains(i)) {
+            folded.add_phenotypes(&shapes.base.phenotypes, &mut shapes.fixed);
+            let slopes = folded.slopes(&shapes.base.phenotypes, &phenotypes);
+            shapes.slope = Some(slopes.into_iter().next().unwrap_or_default());
+        }
+        Ok(shapes)
+    }
+
+    /// The base shape alone, with nothing free.
+    pub fn frozen(&self) -> Shapes<'a> {
+        let fixed = self.features(&self.start());
+        Shapes {
+            fixed,
+            free: &[],
+            slope: Some(Vec::new()),
+            ..self.clone()
+        }
+    }
+
+    fn free_phenotypes(&self) -> Vec<usize> {
+        let index = |f: &Free| {
+            if let Kind::Phenotype(i) = f.kind {
+                Some(i)
+            } else {
+                None
+            }
+        };
+        self.free.iter().filter_map(index).collect()
     }
 
     /// How many parameters are free.
@@ -116,23 +168,31 @@ impl<'a> Shapes<'a> {
         let mut phenotypes = self.base.phenotypes;
         let mut features = self.fixed.clone();
         for (free, &value) in self.free.iter().zip(values) {
-            match &free.kind {
-                Kind::Phenotype(i) => phenotypes[*i] = value,
-                Kind::Slider(sides) => add_side(&mut features, sides, value),
+            match (&free.kind, &self.slope) {
+                (Kind::Phenotype(i), Some(slope)) => {
+                    let change = value - phenotypes[*i];
+                    features
+                        .iter_mut()
+                        .zip(slope)
+                        .for_each(|(f, s)| *f += change * *s);
+                }
+                (Kind::Phenotype(i), None) => phenotypes[*i] = value,
+                (Kind::Slider(sides), _) => add_side(&mut features, sides, value),
             }
         }
-        self.folded.add_phenotypes(&phenotypes, &mut features);
+        if self.slope.is_none() {
+            self.folded.add_phenotypes(&phenotypes, &mut features);
+        }
         features
     }
 
     /// `∂features/∂value` for every free parameter.
     pub fn slopes(&self, values: &[f64]) -> Vec<Vec<DVec3>> {
-        let phenotype = |f: &Free| if let Kind::Phenotype(i) = f.kind { Some(i) } else { None };
-        let which: Vec<usize> = self.free.iter().filter_map(phenotype).collect();
-        let shape = self.shape(values);
-        let mut by_phenotype = match which.is_empty() {
-            true => Vec::new(),
-            false => self.folded.slopes(&shape, &which),
+        let mut by_phenotype = match &self.slope {
+            Some(slope) => vec![slope.clone()],
+            None => self
+                .folded
+                .slopes(&self.shape(values).phenotypes, &self.free_phenotypes()),
         }
         .into_iter();
         let slope = |(free, &value): (&Free, &f64)| match &free.kind {
@@ -144,41 +204,11 @@ impl<'a> Shapes<'a> {
     }
 }
 
-/// `shape` with the height phenotype that makes it exactly `metres` tall.
-///
-/// The folded body's crown and sole are two points; the highest and lowest vertex may be
-/// others, so the difference is measured once and taken as constant.
-pub fn of_height(
-    avatar: &Avatar,
-    folded: &Folded,
-    shape: &Shape,
-    metres: f64,
-) -> Result<Shape, FitError> {
-    let fixed = Shapes::new(avatar, folded, shape, &[])?.fixed;
-    let mut tall = shape.clone();
-    let extra = avatar.height_of(&tall)? - folded.stature(&tall.phenotypes, &fixed);
-    for _ in 0..8 {
-        let at = |h: f64| {
-            let mut phenotypes = tall.phenotypes;
-            phenotypes[HEIGHT] = h;
-            folded.stature(&phenotypes, &fixed) + extra - metres
-        };
-        let h = tall.phenotypes[HEIGHT];
-        let slope = (at(h + 1e-4) - at(h - 1e-4)) / 2e-4;
-        let next = (h - at(h) / slope).clamp(0.0, 1.0);
-        tall.phenotypes[HEIGHT] = if next.is_finite() { next } else { h };
-        if (tall.phenotypes[HEIGHT] - h).abs() < 1e-9 {
-            break;
-        }
-    }
-    if (avatar.height_of(&tall)? - metres).abs() < 2e-5 {
-        return Ok(tall);
-    }
-    Ok(shape.with_height(avatar, metres)?)
-}
-
 /// Adds what a slider at `value` does.
 fn add_side(features: &mut [DVec3], [up, down]: &[Vec<DVec3>; 2], value: f64) {
     let side = if value < 0.0 { down } else { up };
-    features.iter_mut().zip(side).for_each(|(f, d)| *f += value.abs() * *d);
+    features
+        .iter_mut()
+        .zip(side)
+        .for_each(|(f, d)| *f += value.abs() * *d);
 }

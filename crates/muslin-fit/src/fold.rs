@@ -10,7 +10,7 @@
 
 use crate::FitError;
 use glam::DVec3;
-use muslin_body::{Avatar, Blend, REGRESSED, Shape};
+use muslin_body::{Avatar, Blend, REGRESSED};
 use std::collections::BTreeMap;
 
 /// The bones that the solver turns, each with the joint group whose rotation it has.
@@ -42,8 +42,14 @@ const PAIRED: [(&str, &str); 8] = [
 ];
 
 /// Markers at the heads of bones: knuckles of thumb, index and little finger.
-pub const KNUCKLES: [&str; 6] =
-    ["finger5-1.L", "finger5-1.R", "finger2-1.L", "finger2-1.R", "finger1-2.L", "finger1-2.R"];
+pub const KNUCKLES: [&str; 6] = [
+    "finger5-1.L",
+    "finger5-1.R",
+    "finger2-1.L",
+    "finger2-1.R",
+    "finger1-2.L",
+    "finger1-2.R",
+];
 
 /// How many markers there are: the regressed points, then the knuckles.
 pub const N_MARKERS: usize = REGRESSED.len() + KNUCKLES.len();
@@ -93,12 +99,17 @@ impl Folded {
     pub fn new(avatar: &Avatar) -> Result<Folded, FitError> {
         let (joints, groups) = joints(avatar)?;
         let owner = owners(avatar, &joints);
-        let mut points: Vec<Vec<(u32, f64)>> =
-            joints.iter().map(|j| vec![(avatar.head_point(j.bone) as u32, 1.0)]).collect();
+        let mut points: Vec<Vec<(u32, f64)>> = joints
+            .iter()
+            .map(|j| vec![(avatar.head_point(j.bone) as u32, 1.0)])
+            .collect();
         let (mut shares, mut starts) = (Vec::new(), vec![0]);
         for marker in markers(avatar, &owner)? {
             for (joint, sum) in marker {
-                shares.push(Share { joint, weight: sum.iter().map(|s| s.1).sum() });
+                shares.push(Share {
+                    joint,
+                    weight: sum.iter().map(|s| s.1).sum(),
+                });
                 points.push(sum);
             }
             starts.push(shares.len());
@@ -107,14 +118,26 @@ impl Folded {
         let sum = |f: &[(u32, f64)], at: &dyn Fn(usize) -> DVec3| {
             f.iter().map(|&(p, w)| at(p as usize) * w).sum::<DVec3>()
         };
-        let mean = points.iter().map(|f| sum(f, &|p| avatar.mean()[p])).collect();
+        let mean = points
+            .iter()
+            .map(|f| sum(f, &|p| avatar.mean()[p]))
+            .collect();
         let mut modes = Vec::with_capacity(avatar.n_modes() * points.len());
         for m in 0..avatar.n_modes() {
             let mode = avatar.mode(m);
             modes.extend(points.iter().map(|f| sum(f, &|p| lift(mode[p]))));
         }
         let blend = avatar.blend().clone();
-        Ok(Folded { joints, groups, shares, starts, blend, mean, modes, points })
+        Ok(Folded {
+            joints,
+            groups,
+            shares,
+            starts,
+            blend,
+            mean,
+            modes,
+            points,
+        })
     }
 
     /// How many features there are.
@@ -129,29 +152,32 @@ impl Folded {
 
     /// Adds the features of the body with these phenotypes, without sliders [m].
     pub fn add_phenotypes(&self, phenotypes: &[f64; 11], features: &mut [DVec3]) {
-        features.iter_mut().zip(&self.mean).for_each(|(f, m)| *f += *m);
+        features
+            .iter_mut()
+            .zip(&self.mean)
+            .for_each(|(f, m)| *f += *m);
         let weights = self.blend.weights(phenotypes);
         for (mode, w) in self.modes.chunks(self.n_features()).zip(weights) {
-            features.iter_mut().zip(mode).for_each(|(f, m)| *f += w * *m);
+            features
+                .iter_mut()
+                .zip(mode)
+                .for_each(|(f, m)| *f += w * *m);
         }
     }
 
-    /// Crown to sole [m] of the body with these phenotypes, whose other features `fixed` adds.
-    pub fn stature(&self, phenotypes: &[f64; 11], fixed: &[DVec3]) -> f64 {
-        let n = self.n_features();
-        let span = |f: &[DVec3]| f[n - 2].y - f[n - 1].y;
-        let weights = self.blend.weights(phenotypes);
-        let modes = self.modes.chunks(n).zip(weights).map(|(mode, w)| w * span(mode));
-        span(fixed) + span(&self.mean) + modes.sum::<f64>()
-    }
-
     /// `∂features/∂phenotype` for each phenotype in `which`.
-    pub fn slopes(&self, shape: &Shape, which: &[usize]) -> Vec<Vec<DVec3>> {
+    pub fn slopes(&self, phenotypes: &[f64; 11], which: &[usize]) -> Vec<Vec<DVec3>> {
         let mut slopes = vec![vec![DVec3::ZERO; self.n_features()]; which.len()];
-        let by_mode = self.blend.slopes(&shape.phenotypes);
+        if which.is_empty() {
+            return slopes;
+        }
+        let by_mode = self.blend.slopes(phenotypes);
         for (mode, row) in self.modes.chunks(self.n_features()).zip(by_mode) {
             for (slope, &k) in slopes.iter_mut().zip(which) {
-                slope.iter_mut().zip(mode).for_each(|(s, m)| *s += row[k] * *m);
+                slope
+                    .iter_mut()
+                    .zip(mode)
+                    .for_each(|(s, m)| *s += row[k] * *m);
             }
         }
         slopes
@@ -161,8 +187,12 @@ impl Folded {
     pub fn slider(&self, avatar: &Avatar, name: &str) -> Result<[Vec<DVec3>; 2], FitError> {
         let (target, sense) = avatar.target(name)?;
         let moved = |list: &[(u32, [f32; 3])]| -> Vec<DVec3> {
-            let at = |p: u32| list.binary_search_by_key(&p, |d| d.0).map(|i| lift(list[i].1));
-            let sum = |f: &Vec<(u32, f64)>| f.iter().map(|&(p, w)| w * at(p).unwrap_or_default()).sum();
+            let at = |p: u32| {
+                list.binary_search_by_key(&p, |d| d.0)
+                    .map(|i| lift(list[i].1))
+            };
+            let sum =
+                |f: &Vec<(u32, f64)>| f.iter().map(|&(p, w)| w * at(p).unwrap_or_default()).sum();
             self.points.iter().map(sum).collect()
         };
         let sides = [moved(&target.up), moved(&target.down)];
@@ -183,19 +213,29 @@ fn joints(avatar: &Avatar) -> Result<(Vec<Joint>, Vec<String>), FitError> {
     }
     for side in ["L", "R"] {
         for (bone, group) in PAIRED {
-            named.push((avatar.bone(&format!("{bone}.{side}"))?, format!("{group}.{side}")));
+            named.push((
+                avatar.bone(&format!("{bone}.{side}"))?,
+                format!("{group}.{side}"),
+            ));
         }
     }
     named.sort();
     let mut groups: Vec<String> = Vec::new();
     let mut joints: Vec<Joint> = Vec::new();
     for (bone, name) in named {
-        let group = groups.iter().position(|g| *g == name).unwrap_or(groups.len());
+        let group = groups
+            .iter()
+            .position(|g| *g == name)
+            .unwrap_or(groups.len());
         if group == groups.len() {
             groups.push(name);
         }
         let parent = nearest(avatar, avatar.rig().bones[bone].parent, &joints);
-        joints.push(Joint { bone, parent, group });
+        joints.push(Joint {
+            bone,
+            parent,
+            group,
+        });
     }
     Ok((joints, groups))
 }
@@ -214,7 +254,9 @@ fn nearest(avatar: &Avatar, mut bone: Option<usize>, joints: &[Joint]) -> Option
 /// The joint that carries each bone of the rig.
 fn owners(avatar: &Avatar, joints: &[Joint]) -> Vec<usize> {
     let bones = 0..avatar.rig().n_bones();
-    bones.map(|b| nearest(avatar, Some(b), joints).unwrap_or(0)).collect()
+    bones
+        .map(|b| nearest(avatar, Some(b), joints).unwrap_or(0))
+        .collect()
 }
 
 /// Per joint the weighted vertices of a marker.
@@ -244,7 +286,11 @@ fn markers(avatar: &Avatar, owner: &[usize]) -> Result<Vec<Sums>, FitError> {
 fn crown_and_sole(avatar: &Avatar) -> [u32; 2] {
     let skin = avatar.part(muslin_body::Part::Body);
     let y = |v: &u32| avatar.mean()[*v as usize].y;
-    let skin = || (skin.start as u32..skin.end as u32).collect::<Vec<_>>().into_iter();
+    let skin = || {
+        (skin.start as u32..skin.end as u32)
+            .collect::<Vec<_>>()
+            .into_iter()
+    };
     let crown = skin().max_by(|a, b| y(a).total_cmp(&y(b)));
     let sole = skin().min_by(|a, b| y(a).total_cmp(&y(b)));
     [crown.unwrap_or(0), sole.unwrap_or(0)]

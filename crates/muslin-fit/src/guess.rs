@@ -92,7 +92,10 @@ pub fn view(x: DVec3, focal: f64) -> (DVec2, [DVec2; 3]) {
     let depth = (-x.z).max(0.01);
     let k = focal / depth;
     let pixel = DVec2::new(x.x, x.y) * k;
-    (pixel, [DVec2::new(k, 0.0), DVec2::new(0.0, k), pixel / depth])
+    (
+        pixel,
+        [DVec2::new(k, 0.0), DVec2::new(0.0, k), pixel / depth],
+    )
 }
 
 /// Joints and markers in the camera's frame.
@@ -130,10 +133,20 @@ impl Placed {
             let arm = *a - s.weight * features[s.joint];
             turns[s.joint] * arm + s.weight * heads[s.joint]
         };
-        let shares: Vec<DVec3> = folded.shares.iter().zip(&features[n..]).map(share).collect();
+        let shares: Vec<DVec3> = folded
+            .shares
+            .iter()
+            .zip(&features[n..])
+            .map(share)
+            .collect();
         let sum = |k: usize| shares[folded.starts[k]..folded.starts[k + 1]].iter().sum();
         let markers = (0..N_MARKERS).map(sum).collect();
-        Placed { turns, heads, shares, markers }
+        Placed {
+            turns,
+            heads,
+            shares,
+            markers,
+        }
     }
 
     /// `∂ marker k / ∂ turn` for every joint group that moves it, as three columns.
@@ -176,6 +189,8 @@ impl Placed {
             let arm = slope[n + s] - share.weight * slope[share.joint];
             self.turns[share.joint] * arm + share.weight * heads[share.joint]
         };
-        (0..N_MARKERS).map(|k| (folded.starts[k]..folded.starts[k + 1]).map(share).sum()).collect()
+        (0..N_MARKERS)
+            .map(|k| (folded.starts[k]..folded.starts[k + 1]).map(share).sum())
+            .collect()
     }
 }

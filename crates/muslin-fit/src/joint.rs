@@ -25,17 +25,83 @@ pub struct Habit {
 struct Row(&'static str, [f64; 3], [f64; 3], [f64; 3], [f64; 3]);
 
 const ROWS: [Row; 11] = [
-    Row("waist", [0.0; 3], [7.0, 4.0, 4.0], [-8.0, -9.0, -9.0], [22.0, 9.0, 9.0]),
-    Row("chest", [0.0; 3], [4.0, 3.0, 4.0], [-7.0, -8.0, -9.0], [12.0, 8.0, 9.0]),
-    Row("neck", [0.0; 3], [5.0, 4.0, 8.0], [-16.0, -11.0, -18.0], [16.0, 11.0, 18.0]),
-    Row("head", [0.0; 3], [8.0, 6.0, 12.0], [-25.0, -14.0, -25.0], [25.0, 14.0, 25.0]),
-    Row("collar", [0.0; 3], [5.0, 5.0, 2.0], [-12.0, -12.0, -5.0], [18.0, 14.0, 5.0]),
-    Row("shoulder", [0.0, -20.0, 0.0], [50.0, 45.0, 35.0], [-70.0, -75.0, -95.0], [150.0, 140.0, 95.0]),
-    Row("elbow", [15.0, 0.0, 0.0], [50.0, 3.0, 35.0], [-5.0, -8.0, -80.0], [145.0, 8.0, 80.0]),
-    Row("wrist", [0.0; 3], [15.0, 8.0, 6.0], [-65.0, -25.0, -15.0], [65.0, 25.0, 15.0]),
-    Row("hip", [-3.0, 0.0, 0.0], [32.0, 15.0, 14.0], [-130.0, -30.0, -45.0], [28.0, 60.0, 45.0]),
-    Row("knee", [4.0, 0.0, 0.0], [32.0, 2.5, 5.0], [-3.0, -6.0, -15.0], [150.0, 6.0, 15.0]),
-    Row("ankle", [0.0; 3], [10.0, 8.0, 7.0], [-35.0, -25.0, -20.0], [50.0, 25.0, 20.0]),
+    Row(
+        "waist",
+        [0.0; 3],
+        [7.0, 4.0, 4.0],
+        [-8.0, -9.0, -9.0],
+        [22.0, 9.0, 9.0],
+    ),
+    Row(
+        "chest",
+        [0.0; 3],
+        [4.0, 3.0, 4.0],
+        [-7.0, -8.0, -9.0],
+        [12.0, 8.0, 9.0],
+    ),
+    Row(
+        "neck",
+        [0.0; 3],
+        [5.0, 4.0, 8.0],
+        [-16.0, -11.0, -18.0],
+        [16.0, 11.0, 18.0],
+    ),
+    Row(
+        "head",
+        [0.0; 3],
+        [8.0, 6.0, 12.0],
+        [-25.0, -14.0, -25.0],
+        [25.0, 14.0, 25.0],
+    ),
+    Row(
+        "collar",
+        [0.0; 3],
+        [5.0, 5.0, 2.0],
+        [-12.0, -12.0, -5.0],
+        [18.0, 14.0, 5.0],
+    ),
+    Row(
+        "shoulder",
+        [0.0, -20.0, 0.0],
+        [50.0, 45.0, 35.0],
+        [-70.0, -75.0, -95.0],
+        [150.0, 140.0, 95.0],
+    ),
+    Row(
+        "elbow",
+        [15.0, 0.0, 0.0],
+        [50.0, 3.0, 35.0],
+        [-5.0, -8.0, -80.0],
+        [145.0, 8.0, 80.0],
+    ),
+    Row(
+        "wrist",
+        [0.0; 3],
+        [15.0, 8.0, 6.0],
+        [-65.0, -25.0, -15.0],
+        [65.0, 25.0, 15.0],
+    ),
+    Row(
+        "hip",
+        [-3.0, 0.0, 0.0],
+        [32.0, 15.0, 14.0],
+        [-130.0, -30.0, -45.0],
+        [28.0, 60.0, 45.0],
+    ),
+    Row(
+        "knee",
+        [4.0, 0.0, 0.0],
+        [32.0, 2.5, 5.0],
+        [-3.0, -6.0, -15.0],
+        [150.0, 6.0, 15.0],
+    ),
+    Row(
+        "ankle",
+        [0.0; 3],
+        [10.0, 8.0, 7.0],
+        [-35.0, -25.0, -20.0],
+        [50.0, 25.0, 20.0],
+    ),
 ];
 
 impl Habit {
@@ -51,7 +117,11 @@ impl Habit {
         let mirror = DVec3::new(-1.0, 1.0, 1.0);
         let axes = left_axes(base, if right { along * mirror } else { along });
         // A mirror turns rotation vectors about: they keep what they lose as points.
-        let axes = if right { DMat3::from_diagonal(-mirror) * axes } else { axes };
+        let axes = if right {
+            DMat3::from_diagonal(-mirror) * axes
+        } else {
+            axes
+        };
         let degrees = |d: [f64; 3]| DVec3::from(d.map(f64::to_radians));
         Some(Habit {
             axes,
@@ -95,7 +165,11 @@ pub fn rotation_vector(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
     let v = DVec3::new(q.x, q.y, q.z);
     let sin = v.length();
-    if sin < 1e-12 { 2.0 * v } else { v * (2.0 * sin.atan2(q.w) / sin) }
+    if sin < 1e-12 {
+        2.0 * v
+    } else {
+        v * (2.0 * sin.atan2(q.w) / sin)
+    }
 }
 
 /// `∂ rotation_vector(q · exp δ) / ∂δ` at δ = 0, where `phi` is the rotation vector of `q`.
@@ -115,7 +189,11 @@ pub fn log_slope(phi: DVec3) -> DMat3 {
 
 /// The matrix of `v × `.
 pub fn skew(v: DVec3) -> DMat3 {
-    DMat3::from_cols(DVec3::new(0.0, v.z, -v.y), DVec3::new(-v.z, 0.0, v.x), DVec3::new(v.y, -v.x, 0.0))
+    DMat3::from_cols(
+        DVec3::new(0.0, v.z, -v.y),
+        DVec3::new(-v.z, 0.0, v.x),
+        DVec3::new(v.y, -v.x, 0.0),
+    )
 }
 
 #[cfg(test)]
@@ -124,13 +202,23 @@ mod tests {
 
     #[test]
     fn log_slope_is_what_finite_differences_say() {
-        for phi in [DVec3::ZERO, DVec3::new(1e-5, 0.0, 0.0), DVec3::new(0.3, -1.2, 0.7), DVec3::new(2.0, 1.0, -1.5)] {
+        for phi in [
+            DVec3::ZERO,
+            DVec3::new(1e-5, 0.0, 0.0),
+            DVec3::new(0.3, -1.2, 0.7),
+            DVec3::new(2.0, 1.0, -1.5),
+        ] {
             let q = DQuat::from_scaled_axis(phi);
             let slope = log_slope(phi);
             for k in 0..3 {
-                let step = |h: f64| rotation_vector(q * DQuat::from_scaled_axis(DVec3::AXES[k] * h));
+                let step =
+                    |h: f64| rotation_vector(q * DQuat::from_scaled_axis(DVec3::AXES[k] * h));
                 let fd = (step(1e-6) - step(-1e-6)) / 2e-6;
-                assert!(fd.distance(slope.col(k)) < 1e-7, "{phi} {k}: {fd} {}", slope.col(k));
+                assert!(
+                    fd.distance(slope.col(k)) < 1e-7,
+                    "{phi} {k}: {fd} {}",
+                    slope.col(k)
+                );
             }
         }
     }
@@ -144,13 +232,20 @@ mod tests {
         };
         let mirror = DVec3::new(-1.0, 1.0, 1.0);
         assert!(turned("elbow.L", arm, 0).z > 0.1 && turned("elbow.R", arm * mirror, 0).z > 0.1);
-        assert!(turned("shoulder.L", arm, 1).y > -0.5 && turned("shoulder.R", arm * mirror, 1).y > -0.5);
+        assert!(
+            turned("shoulder.L", arm, 1).y > -0.5 && turned("shoulder.R", arm * mirror, 1).y > -0.5
+        );
         for side in ["L", "R"] {
             assert!(turned(&format!("knee.{side}"), DVec3::NEG_Y, 0).z < -0.1);
             assert!(turned(&format!("ankle.{side}"), DVec3::Z, 0).y < -0.1);
         }
         let spread = |side: &str| turned(&format!("hip.{side}"), DVec3::NEG_Y, 1).x;
-        assert!(spread("L") > 0.1 && spread("R") < -0.1, "{} {}", spread("L"), spread("R"));
+        assert!(
+            spread("L") > 0.1 && spread("R") < -0.1,
+            "{} {}",
+            spread("L"),
+            spread("R")
+        );
         assert!(turned("waist", DVec3::Y, 0).z > 0.1);
     }
 }

@@ -11,8 +11,14 @@ const MOST_TILT: f64 = 0.35;
 /// Parts of a body's mass, each between two pairs of markers (left and right together).
 ///
 /// Rounded from Winter's table of segment masses (head 8 %, trunk 50, arms 10, legs 32).
-const MASSES: [([usize; 2], f64); 6] =
-    [([3, 4], 0.08), ([5, 6], 0.27), ([7, 8], 0.08), ([11, 12], 0.33), ([13, 14], 0.16), ([15, 16], 0.08)];
+const MASSES: [([usize; 2], f64); 6] = [
+    ([3, 4], 0.08),
+    ([5, 6], 0.27),
+    ([7, 8], 0.08),
+    ([11, 12], 0.33),
+    ([13, 14], 0.16),
+    ([15, 16], 0.08),
+];
 
 /// Heels and toes, left then right.
 const FEET: [[usize; 3]; 2] = [[17, 19, 21], [18, 20, 22]];
@@ -34,8 +40,10 @@ pub fn world(
     let down = turn.transpose() * DVec3::NEG_Y;
     let floor = lowest(folded, features, &placed, down);
     let hips = turn * (0.5 * (placed.markers[11] + placed.markers[12]));
-    let world_from_camera =
-        DAffine3 { matrix3: turn, translation: DVec3::new(-hips.x, floor, -hips.z) };
+    let world_from_camera = DAffine3 {
+        matrix3: turn,
+        translation: DVec3::new(-hips.x, floor, -hips.z),
+    };
     let mut pose = Pose::rest(avatar);
     for joint in &folded.joints {
         pose.rotations[joint.bone] = guess.turns[joint.group];
@@ -72,7 +80,13 @@ fn lowest(folded: &Folded, features: &[DVec3], placed: &Placed, down: DVec3) -> 
     let mut lowest = f64::NEG_INFINITY;
     for (side, foot) in FEET.iter().enumerate() {
         let name = ["ankle.L", "ankle.R"][side];
-        let Some(j) = folded.joints.iter().position(|j| folded.groups[j.group] == name) else { continue };
+        let Some(j) = folded
+            .joints
+            .iter()
+            .position(|j| folded.groups[j.group] == name)
+        else {
+            continue;
+        };
         for &k in foot {
             let below = placed.turns[j] * DVec3::new(0.0, sole - rest[k].y, 0.0);
             lowest = lowest.max(down.dot(placed.markers[k] + below));
@@ -100,13 +114,20 @@ fn rest_guess(folded: &Folded, features: &[DVec3]) -> Guess {
 fn spread_twists(avatar: &Avatar, folded: &Folded, features: &[DVec3], pose: &mut Pose) {
     for side in ["L", "R"] {
         let bone = |name: &str| avatar.bone(&format!("{name}.{side}")).ok();
-        let joint = |name: &str| folded.joints.iter().position(|j| Some(j.bone) == bone(name));
+        let joint = |name: &str| {
+            folded
+                .joints
+                .iter()
+                .position(|j| Some(j.bone) == bone(name))
+        };
         let along = |from: &str, to: &str| {
             Some((features[joint(to)?] - features[joint(from)?]).normalize_or(DVec3::Y))
         };
-        if let (Some(hand), Some(half), Some(axis)) =
-            (bone("wrist"), bone("lowerarm02"), along("lowerarm01", "wrist"))
-        {
+        if let (Some(hand), Some(half), Some(axis)) = (
+            bone("wrist"),
+            bone("lowerarm02"),
+            along("lowerarm01", "wrist"),
+        ) {
             let moved = half_twist(pose.rotations[hand], axis);
             pose.rotations[half] = moved;
             pose.rotations[hand] = moved.inverse() * pose.rotations[hand];
@@ -116,7 +137,9 @@ fn spread_twists(avatar: &Avatar, folded: &Folded, features: &[DVec3], pose: &mu
             ["lowerarm01", "lowerarm02", "wrist"],
             ["upperleg01", "upperleg02", "lowerleg01"],
         ] {
-            if let (Some(upper), Some(lower), Some(axis)) = (bone(upper), bone(lower), along(upper, end)) {
+            if let (Some(upper), Some(lower), Some(axis)) =
+                (bone(upper), bone(lower), along(upper, end))
+            {
                 let moved = half_twist(pose.rotations[upper], axis);
                 pose.rotations[upper] *= moved.inverse();
                 pose.rotations[lower] = moved * pose.rotations[lower];
@@ -130,10 +153,16 @@ fn spread_twists(avatar: &Avatar, folded: &Folded, features: &[DVec3], pose: &mu
 const CURL: [f64; 3] = [0.25, 0.35, 0.25];
 
 fn relax_fingers(avatar: &Avatar, pose: &mut Pose) {
-    let head = |name: &str| avatar.bone(name).map(|b| avatar.mean()[avatar.head_point(b)]);
+    let head = |name: &str| {
+        avatar
+            .bone(name)
+            .map(|b| avatar.mean()[avatar.head_point(b)])
+    };
     for (side, sense) in [("L", -1.0), ("R", 1.0)] {
         let at = |name: &str| head(&format!("{name}.{side}"));
-        let (Ok(index), Ok(little)) = (at("finger2-1"), at("finger5-1")) else { continue };
+        let (Ok(index), Ok(little)) = (at("finger2-1"), at("finger5-1")) else {
+            continue;
+        };
         // Across the knuckles, so that fingers turn toward the palm.
         let axis = (index - little).normalize_or(DVec3::Z) * sense;
         for finger in 2..=5 {
@@ -150,6 +179,7 @@ fn relax_fingers(avatar: &Avatar, pose: &mut Pose) {
 fn half_twist(q: DQuat, axis: DVec3) -> DQuat {
     let s = DVec3::new(q.x, q.y, q.z).dot(axis);
     let angle = 2.0 * s.atan2(q.w);
-    let angle = (angle + std::f64::consts::PI).rem_euclid(2.0 * std::f64::consts::PI) - std::f64::consts::PI;
+    let angle = (angle + std::f64::consts::PI).rem_euclid(2.0 * std::f64::consts::PI)
+        - std::f64::consts::PI;
     DQuat::from_axis_angle(axis, 0.5 * angle)
 }

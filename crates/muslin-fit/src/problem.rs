@@ -67,17 +67,30 @@ const LEAN_SPREAD: f64 = 0.7;
 impl<'a> Problem<'a> {
     /// Where the unknowns stand.
     pub fn columns(&self) -> Columns {
-        Columns { n_groups: self.folded.groups.len(), n_shape: self.shapes.n_free() }
+        Columns {
+            n_groups: self.folded.groups.len(),
+            n_shape: self.shapes.n_free(),
+        }
     }
 
     /// Features at the guess's shape; slopes too, from nearby if they are known there.
     pub fn skin(&self, guess: &Guess, old: Option<Skin>, slopes: bool) -> Skin {
         let hold = self.trust.slopes_hold;
-        let near = |s: &Skin| s.at.iter().zip(&guess.shape).all(|(a, b)| (a - b).abs() < hold);
+        let near = |s: &Skin| {
+            s.at.iter()
+                .zip(&guess.shape)
+                .all(|(a, b)| (a - b).abs() < hold)
+        };
         let mut skin = match old {
             Some(skin) if guess.shape.is_empty() => return skin,
-            Some(skin) => Skin { features: self.shapes.features(&guess.shape), ..skin },
-            None => Skin { features: self.shapes.features(&guess.shape), ..Skin::default() },
+            Some(skin) => Skin {
+                features: self.shapes.features(&guess.shape),
+                ..skin
+            },
+            None => Skin {
+                features: self.shapes.features(&guess.shape),
+                ..Skin::default()
+            },
         };
         if slopes && !guess.shape.is_empty() && (skin.slopes.is_empty() || !near(&skin)) {
             skin.slopes = self.shapes.slopes(&guess.shape);
@@ -105,11 +118,15 @@ impl<'a> Problem<'a> {
     }
 
     fn rho(&self, square: f64) -> f64 {
-        self.trust.doubt.map_or(square, |c| square / (1.0 + square / (c * c)))
+        self.trust
+            .doubt
+            .map_or(square, |c| square / (1.0 + square / (c * c)))
     }
 
     fn weight(&self, square: f64) -> f64 {
-        self.trust.doubt.map_or(1.0, |c| (1.0 + square / (c * c)).powi(-2))
+        self.trust
+            .doubt
+            .map_or(1.0, |c| (1.0 + square / (c * c)).powi(-2))
     }
 
     /// One standard deviation in the picture [px] and in space [m].
@@ -133,8 +150,11 @@ impl<'a> Problem<'a> {
     /// All rows at the guess, to be minimised together.
     pub fn rows(&self, guess: &Guess, skin: &Skin, emit: &mut Emit) {
         let placed = self.place(guess, skin);
-        let by_shape: Vec<Vec<DVec3>> =
-            skin.slopes.iter().map(|s| placed.shape_slope(self.folded, s)).collect();
+        let by_shape: Vec<Vec<DVec3>> = skin
+            .slopes
+            .iter()
+            .map(|s| placed.shape_slope(self.folded, s))
+            .collect();
         let mut scratch = Scratch::default();
         for seen in &self.evidence.seen {
             scratch.fill(self, &placed, &by_shape, seen.marker);
@@ -144,7 +164,14 @@ impl<'a> Problem<'a> {
         self.expectations(guess, skin, emit);
     }
 
-    fn pixel_rows(&self, seen: &Seen, guess: &Guess, placed: &Placed, s: &mut Scratch, emit: &mut Emit) {
+    fn pixel_rows(
+        &self,
+        seen: &Seen,
+        guess: &Guess,
+        placed: &Placed,
+        s: &mut Scratch,
+        emit: &mut Emit,
+    ) {
         let (miss, _) = self.misses(seen, guess, placed);
         let weight = self.weight(miss[0].powi(2) + miss[1].powi(2));
         let (spread, _) = self.spreads(seen);
@@ -154,13 +181,23 @@ impl<'a> Problem<'a> {
             s.values.clear();
             s.values.extend(s.slopes.iter().map(|x| by_point.dot(*x)));
             // The focal length stands between the turns and the shape, and moves the root too.
-            s.values.insert(s.n_motion, pixel[k] / spread + by_point.dot(guess.root));
+            s.values
+                .insert(s.n_motion, pixel[k] / spread + by_point.dot(guess.root));
             emit(&s.columns_pixel, &s.values, miss[k], weight);
         }
     }
 
-    fn world_rows(&self, seen: &Seen, guess: &Guess, placed: &Placed, s: &mut Scratch, emit: &mut Emit) {
-        let (_, Some(miss)) = self.misses(seen, guess, placed) else { return };
+    fn world_rows(
+        &self,
+        seen: &Seen,
+        guess: &Guess,
+        placed: &Placed,
+        s: &mut Scratch,
+        emit: &mut Emit,
+    ) {
+        let (_, Some(miss)) = self.misses(seen, guess, placed) else {
+            return;
+        };
         let Some(world) = seen.world else { return };
         let weight = self.weight(miss.length_squared());
         let (_, spread) = self.spreads(seen);
@@ -169,7 +206,10 @@ impl<'a> Problem<'a> {
             s.values.clear();
             s.values.extend(s.slopes.iter().map(|x| x[k] / spread[k]));
             s.values.insert(s.n_motion, -1.0 / spread[k]);
-            s.values.insert(s.n_motion + 1, -guess.log_scale.exp() * world[k] / spread[k]);
+            s.values.insert(
+                s.n_motion + 1,
+                -guess.log_scale.exp() * world[k] / spread[k],
+            );
             s.columns_world[s.n_motion] = columns.origin() + k;
             emit(&s.columns_world, &s.values, miss[k], weight);
         }
@@ -181,7 +221,12 @@ impl<'a> Problem<'a> {
         if let Some(height) = self.trust.height.filter(|_| !guess.shape.is_empty()) {
             self.height_row(height, skin, emit);
         }
-        emit(&[columns.scale()], &[1.0 / self.trust.scale], guess.log_scale / self.trust.scale, 1.0);
+        emit(
+            &[columns.scale()],
+            &[1.0 / self.trust.scale],
+            guess.log_scale / self.trust.scale,
+            1.0,
+        );
         if !self.trust.priors {
             return;
         }
@@ -192,17 +237,31 @@ impl<'a> Problem<'a> {
         }
         self.lean_rows(guess, emit);
         let (focal, spread) = self.trust.focal;
-        emit(&[columns.focal()], &[1.0 / spread], (guess.log_focal - focal.ln()) / spread, 1.0);
+        emit(
+            &[columns.focal()],
+            &[1.0 / spread],
+            (guess.log_focal - focal.ln()) / spread,
+            1.0,
+        );
         for (i, value) in guess.shape.iter().enumerate() {
             let (mean, spread) = self.shapes.prior(i);
-            emit(&[columns.shape() + i], &[1.0 / spread], (value - mean) / spread, 1.0);
+            emit(
+                &[columns.shape() + i],
+                &[1.0 / spread],
+                (value - mean) / spread,
+                1.0,
+            );
         }
     }
 
     fn height_row(&self, height: f64, skin: &Skin, emit: &mut Emit) {
         let first = self.columns().shape();
         let columns: Vec<usize> = (first..self.columns().len()).collect();
-        let values: Vec<f64> = skin.slopes.iter().map(|s| stature(s) / HEIGHT_SPREAD).collect();
+        let values: Vec<f64> = skin
+            .slopes
+            .iter()
+            .map(|s| stature(s) / HEIGHT_SPREAD)
+            .collect();
         let miss = (stature(&skin.features) - height) / HEIGHT_SPREAD;
         emit(&columns[..values.len()], &values, miss, 1.0);
     }
@@ -212,9 +271,15 @@ impl<'a> Problem<'a> {
         let first = self.columns().turn(0);
         for k in [0, 2] {
             // ∂(R exp δ) y = R (δ × y)
-            let slope: [f64; 3] = std::array::from_fn(|i| (turn * DVec3::AXES[i].cross(DVec3::Y))[k]);
+            let slope: [f64; 3] =
+                std::array::from_fn(|i| (turn * DVec3::AXES[i].cross(DVec3::Y))[k]);
             let values = slope.map(|s| s / LEAN_SPREAD);
-            emit(&[first, first + 1, first + 2], &values, turn.y_axis[k] / LEAN_SPREAD, 1.0);
+            emit(
+                &[first, first + 1, first + 2],
+                &values,
+                turn.y_axis[k] / LEAN_SPREAD,
+                1.0,
+            );
         }
     }
 }
@@ -232,10 +297,20 @@ fn habit_rows(habit: &Habit, guess: &Guess, group: usize, first: usize, emit: &m
     for k in 0..3 {
         let row = slope.row(k);
         let spread = habit.spread[k];
-        emit(&columns, &(row / spread).to_array(), (phi[k] - habit.mean[k]) / spread, 1.0);
+        emit(
+            &columns,
+            &(row / spread).to_array(),
+            (phi[k] - habit.mean[k]) / spread,
+            1.0,
+        );
         let beyond = phi[k] - phi[k].clamp(habit.range[0][k], habit.range[1][k]);
         if beyond != 0.0 {
-            emit(&columns, &(row / LIMIT_SPREAD).to_array(), beyond / LIMIT_SPREAD, 1.0);
+            emit(
+                &columns,
+                &(row / LIMIT_SPREAD).to_array(),
+                beyond / LIMIT_SPREAD,
+                1.0,
+            );
         }
     }
 }
@@ -271,7 +346,8 @@ impl Scratch {
         self.slopes.extend(by_shape.iter().map(|s| s[marker]));
         self.columns_world.clone_from(&self.columns_pixel);
         self.columns_pixel.push(columns.focal());
-        self.columns_world.extend([columns.origin(), columns.scale()]);
+        self.columns_world
+            .extend([columns.origin(), columns.scale()]);
         let shape = columns.shape()..columns.shape() + by_shape.len();
         self.columns_pixel.extend(shape.clone());
         self.columns_world.extend(shape);

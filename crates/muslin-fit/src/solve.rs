@@ -4,7 +4,7 @@ use crate::FitError;
 use crate::camera::Camera;
 use crate::descend::{Descent, Patience, descend};
 use crate::evidence::Evidence;
-use crate::figure::{Free, Shapes, of_height};
+use crate::figure::{Free, Shapes};
 use crate::fold::{Folded, N_MARKERS};
 use crate::guess::{Guess, view};
 use crate::joint::Habit;
@@ -12,7 +12,7 @@ use crate::problem::{Problem, Trust, stature};
 use crate::start::Start;
 use crate::{doubts, place};
 use glam::DVec3;
-use muslin_body::{Avatar, BodyError, Keypoints, Pose, Shape};
+use muslin_body::{Avatar, Keypoints, Pose, Shape};
 
 /// What is known about the person beside the picture.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -86,8 +86,14 @@ const FOCAL: (f64, f64) = (1.2, 0.4);
 const WORLD_SPREAD: [f64; 2] = [0.06, 0.15];
 
 /// First tries are rough, the last one is not.
-const ROUGH: Patience = Patience { steps: 5, saving: 0.05 };
-const FINE: Patience = Patience { steps: 25, saving: 1e-3 };
+const ROUGH: Patience = Patience {
+    steps: 5,
+    saving: 0.05,
+};
+const FINE: Patience = Patience {
+    steps: 25,
+    saving: 1e-3,
+};
 
 impl<'a> Fitter<'a> {
     /// Prepares an avatar. Takes some milliseconds.
@@ -97,7 +103,12 @@ impl<'a> Fitter<'a> {
         folded.add_phenotypes(&Shape::default().phenotypes, &mut features);
         let habits = habits(&folded, &features);
         let lengths = Free::list(avatar, &folded, &LENGTHS)?;
-        Ok(Fitter { avatar, folded, habits, lengths })
+        Ok(Fitter {
+            avatar,
+            folded,
+            habits,
+            lengths,
+        })
     }
 
     /// Fits shape, pose and camera to the keypoints of one person.
@@ -108,30 +119,51 @@ impl<'a> Fitter<'a> {
     pub fn fit(&self, keypoints: &Keypoints, options: &FitOptions) -> Result<Fit, FitError> {
         let mut evidence = Evidence::new(keypoints);
         enough(&evidence)?;
-        let base = self.base(options)?;
+        let base = match options.weight_kg {
+            Some(_) => self.exactly(options.shape.clone(), options)?,
+            None => options.shape.clone(),
+        };
         let focal = options.focal_px.unwrap_or(FOCAL.0 * evidence.longest);
         evidence.turn_from_ray(focal);
-        let rough = Shapes::new(self.avatar, &self.folded, &base, &[])?;
         let fine = Shapes::new(self.avatar, &self.folded, &base, &self.lengths)?;
+        let rough = fine.frozen();
+        // The solver's crown and sole are two points; the tallest and lowest may be others.
+        let folded_height = stature(&rough.features(&[]));
+        let grow = match options.height_m {
+            Some(m) => m - self.avatar.height_of(&base)?,
+            None => 0.0,
+        };
         let trust = Trust {
             pixel: 0.012,
             world: WORLD_SPREAD,
             doubt: Some(3.0),
             priors: true,
-            focal: (focal, if options.focal_px.is_some() { 1e-3 } else { FOCAL.1 }),
+            focal: (
+                focal,
+                if options.focal_px.is_some() {
+                    1e-3
+                } else {
+                    FOCAL.1
+                },
+            ),
             scale: 0.3,
-            height: Some(stature(&rough.features(&[]))),
+            height: Some(folded_height + grow),
             slopes_hold: 0.2,
         };
         let end = self.search(&evidence, trust, [rough, fine.clone()]);
-        let mut shape = fine.shape(&end.guess.shape);
-        let height = options.height_m.map_or_else(|| self.avatar.height_of(&base), Ok)?;
-        shape = of_height(self.avatar, &self.folded, &shape, height)?;
-        if let Some(kg) = options.weight_kg {
-            shape = of_mass(self.avatar, &shape, height, kg)?;
-        }
+        let shape = self.exactly(fine.shape(&end.guess.shape), options)?;
         let known = Shapes::new(self.avatar, &self.folded, &shape, &[])?.features(&[]);
         Ok(self.finish(&evidence, options, (shape, known), end))
+    }
+
+    /// `shape` with the height and mass that are given.
+    fn exactly(&self, shape: Shape, options: &FitOptions) -> Result<Shape, FitError> {
+        Ok(match (options.height_m, options.weight_kg) {
+            (Some(m), Some(kg)) => shape.with_height_and_mass(self.avatar, m, kg)?,
+            (Some(m), None) => shape.with_height(self.avatar, m)?,
+            (None, Some(kg)) => shape.with_mass(self.avatar, kg)?,
+            (None, None) => shape,
+        })
     }
 
     #[cfg(test)]
@@ -142,17 +174,6 @@ impl<'a> Fitter<'a> {
     #[cfg(test)]
     pub(crate) fn habits(&self) -> &[Option<Habit>] {
         &self.habits
-    }
-
-    /// The expected shape at the given height and mass.
-    fn base(&self, options: &FitOptions) -> Result<Shape, FitError> {
-        let shape = &options.shape;
-        Ok(match (options.height_m, options.weight_kg) {
-            (Some(m), Some(kg)) => of_mass(self.avatar, shape, m, kg)?,
-            (Some(m), None) => of_height(self.avatar, &self.folded, shape, m)?,
-            (None, Some(kg)) => of_mass(self.avatar, shape, self.avatar.height_of(shape)?, kg)?,
-            (None, None) => shape.clone(),
-        })
     }
 
     /// The best descent from all starts, with `shapes` for rough and for fine tries.
@@ -173,9 +194,17 @@ impl<'a> Fitter<'a> {
             focal: trust.focal.0,
             shape: Vec::new(),
         };
-        let shown = if evidence.has_depth() { start.shown() } else { None };
+        let shown = if evidence.has_depth() {
+            start.shown()
+        } else {
+            None
+        };
         let tries = match shown {
-            Some(guess) => vec![Descent { guess, cost: 0.0, steps: 0 }],
+            Some(guess) => vec![Descent {
+                guess,
+                cost: 0.0,
+                steps: 0,
+            }],
             None => all_round(&rough, &start),
         };
         let spent: usize = tries.iter().map(|t| t.steps).sum();
@@ -186,7 +215,10 @@ impl<'a> Fitter<'a> {
         let ends: Vec<Descent> = ends.collect();
         let steps = spent + ends.iter().map(|e| e.steps).sum::<usize>();
         let best = ends.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
-        Descent { steps, ..best.expect("at least one try") }
+        Descent {
+            steps,
+            ..best.expect("at least one try")
+        }
     }
 
     fn finish(
@@ -197,8 +229,13 @@ impl<'a> Fitter<'a> {
         end: Descent,
     ) -> Fit {
         let markers = crate::guess::Placed::new(&self.folded, &features, &end.guess).markers;
-        let (pose, world_from_camera) = place::world(self.avatar, &self.folded, &features, &end.guess);
-        let camera = Camera { focal: end.guess.log_focal.exp(), centre: evidence.centre, world_from_camera };
+        let (pose, world_from_camera) =
+            place::world(self.avatar, &self.folded, &features, &end.guess);
+        let camera = Camera {
+            focal: end.guess.log_focal.exp(),
+            centre: evidence.centre,
+            world_from_camera,
+        };
         let scores = evidence.seen.iter().map(|s| s.score);
         Fit {
             shape,
@@ -217,27 +254,11 @@ impl<'a> Fitter<'a> {
 /// Rough descents from eight directions, the best first.
 fn all_round(problem: &Problem, start: &Start) -> Vec<Descent> {
     let eighth = |k: i32| f64::from(k) * std::f64::consts::FRAC_PI_4;
-    let mut tries: Vec<Descent> =
-        (0..8).map(|k| descend(problem, start.turned(eighth(k)), ROUGH)).collect();
+    let mut tries: Vec<Descent> = (0..8)
+        .map(|k| descend(problem, start.turned(eighth(k)), ROUGH))
+        .collect();
     tries.sort_by(|a, b| a.cost.total_cmp(&b.cost));
     tries
-}
-
-/// `shape` at this height [m] and mass [kg].
-///
-/// At average muscle the body's weight ends reach only ± 10 %; less muscle reaches from half
-/// to twice the average, so it is given up step by step where needed.
-fn of_mass(avatar: &Avatar, shape: &Shape, height: f64, kg: f64) -> Result<Shape, FitError> {
-    let muscle = shape.get("muscle")?;
-    let mut last = shape.with_height_and_mass(avatar, height, kg);
-    for k in 1..=8 {
-        if !matches!(last, Err(BodyError::MassOutOfReach { .. })) {
-            break;
-        }
-        let weaker = shape.clone().with("muscle", muscle * (1.0 - f64::from(k) / 8.0))?;
-        last = weaker.with_height_and_mass(avatar, height, kg);
-    }
-    Ok(last?)
 }
 
 /// What each joint group likes, with the direction of its bone at rest.
@@ -256,26 +277,44 @@ fn habits(folded: &Folded, features: &[DVec3]) -> Vec<Option<Habit>> {
     )
     .markers;
     let along = |group: usize| {
-        let first = folded.joints.iter().position(|j| j.group == group).unwrap_or(0);
-        let last = folded.joints.iter().rposition(|j| j.group == group).unwrap_or(0);
+        let first = folded
+            .joints
+            .iter()
+            .position(|j| j.group == group)
+            .unwrap_or(0);
+        let last = folded
+            .joints
+            .iter()
+            .rposition(|j| j.group == group)
+            .unwrap_or(0);
         let child = folded.joints.iter().position(|j| j.parent == Some(last));
         let end = match (folded.groups[group].split('.').next(), child) {
             (Some("ankle"), _) => markers[17 + usize::from(folded.groups[group].ends_with('R'))],
-            (Some("wrist"), _) => markers[N_MARKERS - 4 + usize::from(folded.groups[group].ends_with('R'))],
+            (Some("wrist"), _) => {
+                markers[N_MARKERS - 4 + usize::from(folded.groups[group].ends_with('R'))]
+            }
             (Some("waist" | "chest" | "neck" | "head"), _) => features[first] + DVec3::Y,
             (_, Some(child)) => features[child],
             _ => features[first] + DVec3::Y,
         };
         end - features[first]
     };
-    folded.groups.iter().enumerate().map(|(g, name)| Habit::of(name, along(g))).collect()
+    folded
+        .groups
+        .iter()
+        .enumerate()
+        .map(|(g, name)| Habit::of(name, along(g)))
+        .collect()
 }
 
 fn enough(evidence: &Evidence) -> Result<(), FitError> {
     let found = evidence.seen.len();
     let pair = |m: [usize; 2]| m.iter().all(|&k| evidence.marker(k).is_some());
     if found < LEAST_POINTS || !(pair([5, 6]) || pair([11, 12])) {
-        return Err(FitError::TooFewPoints { found, need: LEAST_POINTS });
+        return Err(FitError::TooFewPoints {
+            found,
+            need: LEAST_POINTS,
+        });
     }
     Ok(())
 }
@@ -285,6 +324,10 @@ fn reprojection(evidence: &Evidence, guess: &Guess, markers: &[DVec3]) -> f64 {
     let focal = guess.log_focal.exp();
     let miss = |s: &&crate::evidence::Seen| view(markers[s.marker], focal).0.distance(s.pixel);
     let clear: Vec<_> = evidence.seen.iter().filter(|s| s.score >= 0.5).collect();
-    let counted = if clear.is_empty() { evidence.seen.iter().collect() } else { clear };
+    let counted = if clear.is_empty() {
+        evidence.seen.iter().collect()
+    } else {
+        clear
+    };
     counted.iter().map(miss).sum::<f64>() / counted.len().max(1) as f64
 }

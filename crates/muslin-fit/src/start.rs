@@ -36,7 +36,9 @@ impl Start<'_> {
     /// The habitual stance, turned about the vertical by `yaw` [rad].
     pub fn turned(&self, yaw: f64) -> Guess {
         let rest = |h: &Option<Habit>| {
-            h.map_or(DQuat::IDENTITY, |h| DQuat::from_scaled_axis(h.axes * h.mean))
+            h.map_or(DQuat::IDENTITY, |h| {
+                DQuat::from_scaled_axis(h.axes * h.mean)
+            })
         };
         let mut turns: Vec<DQuat> = self.habits.iter().map(rest).collect();
         turns[0] = DQuat::from_rotation_y(yaw);
@@ -91,8 +93,12 @@ impl Start<'_> {
         let now = directions(|k| self.evidence.marker(markers[k]).and_then(|s| s.world));
         let mut parent = trunk;
         for k in 0..2 {
-            let (Some(now), Some(rest)) = (now[k], rest[k]) else { return parent };
-            let Some(group) = self.group(names[k], side) else { return parent };
+            let (Some(now), Some(rest)) = (now[k], rest[k]) else {
+                return parent;
+            };
+            let Some(group) = self.group(names[k], side) else {
+                return parent;
+            };
             let mut turn = DQuat::from_rotation_arc(parent * rest, now) * parent;
             if let (0, Some(bend)) = (k, self.bend(names[1], side, turn, now, markers)) {
                 turn = bend * turn;
@@ -104,7 +110,14 @@ impl Start<'_> {
     }
 
     /// The twist about the upper bone that lets the lower joint bend about its own hinge.
-    fn bend(&self, lower: &str, side: usize, turn: DQuat, along: DVec3, m: &[usize; 3]) -> Option<DQuat> {
+    fn bend(
+        &self,
+        lower: &str,
+        side: usize,
+        turn: DQuat,
+        along: DVec3,
+        m: &[usize; 3],
+    ) -> Option<DQuat> {
         let world = |k: usize| self.evidence.marker(m[k]).and_then(|s| s.world);
         let hinge = turn * self.habits[self.group(lower, side)?]?.hinge();
         let bend = along.cross((world(2)? - world(1)?).normalize_or_zero());
@@ -116,8 +129,12 @@ impl Start<'_> {
     fn aim_foot(&self, turns: &mut [DQuat], shin: DQuat, side: usize) {
         let world = |k: usize| self.evidence.marker(k).and_then(|s| s.world);
         let rest = self.at_rest();
-        let (Some(toe), Some(heel)) = (world(TOES[side]), world(HEELS[side])) else { return };
-        let Some(group) = self.group("ankle", side) else { return };
+        let (Some(toe), Some(heel)) = (world(TOES[side]), world(HEELS[side])) else {
+            return;
+        };
+        let Some(group) = self.group("ankle", side) else {
+            return;
+        };
         let from = (rest[TOES[side]] - rest[HEELS[side]]).normalize_or_zero();
         let to = (toe - heel).normalize_or_zero();
         if from != DVec3::ZERO && to != DVec3::ZERO {
@@ -150,8 +167,11 @@ impl Start<'_> {
             .collect();
         if pairs.len() > 1 {
             let n = pairs.len() as f64;
-            let mean = pairs.iter().fold([DVec3::ZERO; 2], |m, p| [m[0] + p.0 / n, m[1] + p.1 / n]);
-            let spread = |f: &dyn Fn(&(DVec3, DVec3)) -> f64| pairs.iter().map(f).sum::<f64>().sqrt();
+            let mean = pairs
+                .iter()
+                .fold([DVec3::ZERO; 2], |m, p| [m[0] + p.0 / n, m[1] + p.1 / n]);
+            let spread =
+                |f: &dyn Fn(&(DVec3, DVec3)) -> f64| pairs.iter().map(f).sum::<f64>().sqrt();
             let ours = spread(&|p| (p.0 - mean[0]).length_squared());
             let theirs = spread(&|p| (p.1 - mean[1]).length_squared());
             let scale = (ours / theirs.max(1e-9)).clamp(0.2, 5.0);
@@ -180,7 +200,11 @@ impl Start<'_> {
         }
         // Nothing to measure the distance by: as far as a grown person would be.
         let depth = self.focal * 1.7 / self.evidence.size.max(1.0);
-        let middle = self.evidence.seen.first().map_or(glam::DVec2::ZERO, |s| s.pixel / self.focal);
+        let middle = self
+            .evidence
+            .seen
+            .first()
+            .map_or(glam::DVec2::ZERO, |s| s.pixel / self.focal);
         DVec3::new(middle.x * depth, middle.y * depth, -depth)
     }
 }

@@ -12,7 +12,11 @@ pub struct System {
 impl System {
     /// No rows yet, over `n` unknowns.
     pub fn new(n: usize) -> System {
-        System { n, h: vec![0.0; n * n], g: vec![0.0; n] }
+        System {
+            n,
+            h: vec![0.0; n * n],
+            g: vec![0.0; n],
+        }
     }
 
     /// Adds the row that has `values` in `columns` (rising), residual `r` and weight `w`.
@@ -106,12 +110,17 @@ mod tests {
         let columns: Vec<usize> = (0..n).collect();
         let want: Vec<f64> = (0..n).map(|i| (i as f64 * 0.7).sin()).collect();
         for k in 0..2 * n {
-            let row: Vec<f64> = (0..n).map(|i| ((k * k * 7 + i * i * 3 + k * i) as f64 * 0.37).cos()).collect();
+            let row: Vec<f64> = (0..n)
+                .map(|i| ((k * k * 7 + i * i * 3 + k * i) as f64 * 0.37).cos())
+                .collect();
             let r = -row.iter().zip(&want).map(|(a, b)| a * b).sum::<f64>();
             system.add(&columns, &row, r, 0.5 + (k % 3) as f64);
         }
         let got = system.solve(1e-12, 1.0).expect("well posed");
-        assert!(got.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-6), "{got:?}");
+        assert!(
+            got.iter().zip(&want).all(|(a, b)| (a - b).abs() < 1e-6),
+            "{got:?}"
+        );
     }
 
     #[test]

@@ -57,8 +57,16 @@ fn person(fitter: &Fitter, avatar: &Avatar, seed: u64) -> Person {
     }
     let turn = DQuat::from_rotation_y(chance.between(-3.1, 3.1));
     pose.rotations[0] = turn * DQuat::from_rotation_x(chance.between(-0.3, 0.4));
-    pose.root = DVec3::new(chance.between(-0.4, 0.4), chance.between(-0.3, 0.3), -chance.between(3.0, 5.0));
-    Person { shape, pose, focal: chance.between(1400.0, 2400.0) }
+    pose.root = DVec3::new(
+        chance.between(-0.4, 0.4),
+        chance.between(-0.3, 0.3),
+        -chance.between(3.0, 5.0),
+    );
+    Person {
+        shape,
+        pose,
+        focal: chance.between(1400.0, 2400.0),
+    }
 }
 
 impl Person {
@@ -67,7 +75,9 @@ impl Person {
         let figure = avatar.figure(&self.shape).expect("an adult");
         let posed = avatar.pose(&figure, &self.pose);
         let regressed = avatar.regressors().rows().map(|row| {
-            row.iter().map(|&(v, w)| w * posed.verts[v as usize]).sum::<DVec3>()
+            row.iter()
+                .map(|&(v, w)| w * posed.verts[v as usize])
+                .sum::<DVec3>()
         });
         let knuckle = |name: &&str| {
             let bone = avatar.bone(name).expect("a knuckle");
@@ -91,7 +101,10 @@ impl Person {
                 let pixel = view(markers[k], self.focal).0 * DVec2::new(1.0, -1.0) + centre;
                 Keypoint { pixel, score: 1.0 }
             }
-            None => Keypoint { pixel: centre, score: 0.0 },
+            None => Keypoint {
+                pixel: centre,
+                score: 0.0,
+            },
         };
         let world = |i: usize| marker(i).map_or(DVec3::ZERO, |k| markers[k] - hips);
         Keypoints {
@@ -156,12 +169,26 @@ fn folding_is_exact() {
         let shapes = Shapes::new(&avatar, folded, &person.shape, &[]).expect("a shape");
         let features = shapes.features(&[]);
         let mut turns = vec![DQuat::IDENTITY; folded.groups.len()];
-        folded.joints.iter().for_each(|j| turns[j.group] = person.pose.rotations[j.bone]);
+        folded
+            .joints
+            .iter()
+            .for_each(|j| turns[j.group] = person.pose.rotations[j.bone]);
         let root = features[0] + person.pose.root;
-        let guess = Guess { root, turns, log_focal: 0.0, origin: DVec3::ZERO, log_scale: 0.0, shape: vec![] };
+        let guess = Guess {
+            root,
+            turns,
+            log_focal: 0.0,
+            origin: DVec3::ZERO,
+            log_scale: 0.0,
+            shape: vec![],
+        };
         let got = Placed::new(folded, &features, &guess).markers;
         let want = person.markers(&avatar);
-        let off = got.iter().zip(&want).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        let off = got
+            .iter()
+            .zip(&want)
+            .map(|(a, b)| a.distance(*b))
+            .fold(0.0, f64::max);
         // The modes are summed in single precision over the whole mesh, in double here.
         assert!(got.len() == N_MARKERS && off < 2e-6, "seed {seed}: {off} m");
     }
@@ -171,15 +198,29 @@ fn folding_is_exact() {
 fn every_slope_is_what_finite_differences_say() {
     let avatar = Avatar::embedded().expect("the embedded body");
     let fitter = Fitter::new(&avatar).expect("a human rig");
-    let free = [("height", 0.5), ("gender", 0.5), ("measure-upperleg-height", 0.3), ("measure-shoulder-dist", 0.3)];
+    let free = [
+        ("height", 0.5),
+        ("gender", 0.5),
+        ("measure-upperleg-height", 0.3),
+        ("measure-shoulder-dist", 0.3),
+    ];
     for seed in 0..3 {
         let evidence = Evidence::new(&person(&fitter, &avatar, seed).keypoints(&avatar, true));
         let base = Shape::default().with_local("measure-shoulder-dist", -0.2);
         let free = Free::list(&avatar, fitter.folded(), &free).expect("sliders");
         let shapes = Shapes::new(&avatar, fitter.folded(), &base, &free).expect("sliders");
-        let trust = Trust { priors: true, height: Some(1.7), ..exact() };
-        let problem =
-            Problem { folded: fitter.folded(), shapes, evidence: &evidence, habits: fitter.habits(), trust };
+        let trust = Trust {
+            priors: true,
+            height: Some(1.7),
+            ..exact()
+        };
+        let problem = Problem {
+            folded: fitter.folded(),
+            shapes,
+            evidence: &evidence,
+            habits: fitter.habits(),
+            trust,
+        };
         // Another person's stance: residuals are large and joints are beyond their ranges.
         let mut guess = stance(&fitter, &person(&fitter, &avatar, seed + 50));
         guess.shape = vec![0.4, 0.6, 0.1, -0.1];
@@ -196,7 +237,11 @@ fn every_slope_is_what_finite_differences_say() {
             for (row, slope) in slopes.iter().enumerate() {
                 let fd = (a[row] - b[row]) / 2e-6;
                 let scale = 1.0 + fd.abs().max(slope[k].abs());
-                assert!((fd - slope[k]).abs() < 2e-5 * scale, "row {row} column {k}: {fd} {}", slope[k]);
+                assert!(
+                    (fd - slope[k]).abs() < 2e-5 * scale,
+                    "row {row} column {k}: {fd} {}",
+                    slope[k]
+                );
             }
         }
     }
@@ -204,10 +249,21 @@ fn every_slope_is_what_finite_differences_say() {
 
 fn stance(fitter: &Fitter, person: &Person) -> Guess {
     let mut turns = vec![DQuat::IDENTITY; fitter.folded().groups.len()];
-    fitter.folded().joints.iter().for_each(|j| turns[j.group] = person.pose.rotations[j.bone]);
+    fitter
+        .folded()
+        .joints
+        .iter()
+        .for_each(|j| turns[j.group] = person.pose.rotations[j.bone]);
     let log_focal = person.focal.ln() + 0.1;
     let origin = DVec3::new(0.1, 0.2, -3.0);
-    Guess { root: person.pose.root, turns, log_focal, origin, log_scale: 0.1, shape: vec![] }
+    Guess {
+        root: person.pose.root,
+        turns,
+        log_focal,
+        origin,
+        log_scale: 0.1,
+        shape: vec![],
+    }
 }
 
 fn dense(problem: &Problem, guess: &Guess) -> (usize, Vec<Vec<f64>>) {
@@ -249,35 +305,83 @@ fn exact_points_bring_back_the_body() {
             focal: 1800.0,
             shape: shapes.start(),
         };
-        let problem =
-            Problem { folded: fitter.folded(), shapes, evidence: &evidence, habits: fitter.habits(), trust: exact() };
+        let problem = Problem {
+            folded: fitter.folded(),
+            shapes,
+            evidence: &evidence,
+            habits: fitter.habits(),
+            trust: exact(),
+        };
         // Phenotypes have kinks where they are average, so there is a valley on either side.
-        let ends = [[0.5, 0.5, 0.5], [0.2, 0.8, 0.2], [0.8, 0.2, 0.8], [0.8, 0.8, 0.2]].map(|build| {
+        let ends = [
+            [0.5, 0.5, 0.5],
+            [0.2, 0.8, 0.2],
+            [0.8, 0.2, 0.8],
+            [0.8, 0.8, 0.2],
+        ]
+        .map(|build| {
             let mut guess = start.shown().expect("trunk seen");
             guess.log_scale = 0.0;
-            [0, 2, 3].into_iter().zip(build).for_each(|(k, v)| guess.shape[k] = v);
-            descend(&problem, guess, Patience { steps: 150, saving: 1e-7 })
+            [0, 2, 3]
+                .into_iter()
+                .zip(build)
+                .for_each(|(k, v)| guess.shape[k] = v);
+            descend(
+                &problem,
+                guess,
+                Patience {
+                    steps: 150,
+                    saving: 1e-7,
+                },
+            )
         });
-        let end = ends.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("four ends");
+        let end = ends
+            .into_iter()
+            .min_by(|a, b| a.cost.total_cmp(&b.cost))
+            .expect("four ends");
         let found = back(&fitter, &avatar, &problem, &end.guess);
-        let off = found.markers(&avatar).into_iter().zip(person.markers(&avatar));
+        let off = found
+            .markers(&avatar)
+            .into_iter()
+            .zip(person.markers(&avatar));
         let off = off.map(|(a, b)| a.distance(b)).fold(0.0, f64::max);
-        let angle = found.directions(&avatar).into_iter().zip(person.directions(&avatar));
-        let angle = angle.map(|(a, b)| a.angle_between(b).to_degrees()).fold(0.0, f64::max);
-        println!("seed {seed}: points {:.3} mm, bones {angle:.3} degrees, {} steps, cost {:.1e}", 1e3 * off, end.steps, end.cost);
+        let angle = found
+            .directions(&avatar)
+            .into_iter()
+            .zip(person.directions(&avatar));
+        let angle = angle
+            .map(|(a, b)| a.angle_between(b).to_degrees())
+            .fold(0.0, f64::max);
+        println!(
+            "seed {seed}: points {:.3} mm, bones {angle:.3} degrees, {} steps, cost {:.1e}",
+            1e3 * off,
+            end.steps,
+            end.cost
+        );
         (worst, turned) = (worst.max(off), turned.max(angle));
     }
-    assert!(worst < 1e-3 && turned < 0.5, "points {worst} m, bones {turned} degrees");
+    assert!(
+        worst < 1e-3 && turned < 0.5,
+        "points {worst} m, bones {turned} degrees"
+    );
 }
 
 /// The person that a guess stands for.
 fn back(fitter: &Fitter, avatar: &Avatar, problem: &Problem, guess: &Guess) -> Person {
     let mut pose = Pose::rest(avatar);
-    fitter.folded().joints.iter().for_each(|j| pose.rotations[j.bone] = guess.turns[j.group]);
+    fitter
+        .folded()
+        .joints
+        .iter()
+        .for_each(|j| pose.rotations[j.bone] = guess.turns[j.group]);
     let shape = problem.shapes.shape(&guess.shape);
     let head = avatar.figure(&shape).expect("an adult").joints[0];
     pose.root = guess.root - head;
-    Person { shape, pose, focal: guess.log_focal.exp() }
+    Person {
+        shape,
+        pose,
+        focal: guess.log_focal.exp(),
+    }
 }
 
 #[test]
@@ -287,19 +391,39 @@ fn a_photo_fit_lies_over_its_points_and_stands_on_the_floor() {
     for (seed, depth) in (200..206).flat_map(|s| [(s, true), (s, false)]) {
         let person = person(&fitter, &avatar, seed);
         let keypoints = person.keypoints(&avatar, depth);
-        let options = FitOptions { height_m: Some(1.75), weight_kg: Some(70.0), ..FitOptions::default() };
+        let options = FitOptions {
+            height_m: Some(1.75),
+            weight_kg: Some(70.0),
+            ..FitOptions::default()
+        };
         let fit = fitter.fit(&keypoints, &options).expect("a person");
         let figure = avatar.figure(&fit.shape).expect("an adult");
         assert!((avatar.height(&figure) - 1.75).abs() < 1e-4);
         assert!((avatar.measure(&figure).mass - 70.0).abs() < 0.1);
-        println!("seed {seed} depth {depth}: {:.1} px, {} steps, cost {:.0}", fit.reprojection_px, fit.iterations, fit.cost);
-        assert!(fit.reprojection_px < 12.0, "seed {seed}: {} px", fit.reprojection_px);
-        let seen = Person { shape: fit.shape.clone(), pose: fit.pose.clone(), focal: 1.0 };
+        println!(
+            "seed {seed} depth {depth}: {:.1} px, {} steps, cost {:.0}",
+            fit.reprojection_px, fit.iterations, fit.cost
+        );
+        assert!(
+            fit.reprojection_px < 12.0,
+            "seed {seed}: {} px",
+            fit.reprojection_px
+        );
+        let seen = Person {
+            shape: fit.shape.clone(),
+            pose: fit.pose.clone(),
+            focal: 1.0,
+        };
         let pixels = fit.camera.project_all(&seen.markers(&avatar));
-        let nose = pixels[0].expect("before the camera").distance(keypoints.points[0].pixel);
+        let nose = pixels[0]
+            .expect("before the camera")
+            .distance(keypoints.points[0].pixel);
         assert!(nose < 40.0, "nose {nose} px off");
         let posed = avatar.pose(&figure, &fit.pose);
-        let low = posed.verts[avatar.part(muslin_body::Part::Body)].iter().map(|v| v.y).fold(1.0, f64::min);
+        let low = posed.verts[avatar.part(muslin_body::Part::Body)]
+            .iter()
+            .map(|v| v.y)
+            .fold(1.0, f64::min);
         assert!(low.abs() < 0.06, "feet {low} m off the floor");
     }
 }
@@ -319,9 +443,20 @@ fn other_layouts_fit_too() {
             Keypoint { pixel, score: 0.9 }
         };
         let points = (0..layout.n_points()).map(point).collect();
-        let fit = fitter.fit(&Keypoints { layout, points, ..full.clone() }, &FitOptions::default());
+        let fit = fitter.fit(
+            &Keypoints {
+                layout,
+                points,
+                ..full.clone()
+            },
+            &FitOptions::default(),
+        );
         let fit = fit.expect("a person");
-        assert!(fit.reprojection_px < 15.0, "{layout:?}: {} px", fit.reprojection_px);
+        assert!(
+            fit.reprojection_px < 15.0,
+            "{layout:?}: {} px",
+            fit.reprojection_px
+        );
     }
     assert_eq!(COCO17.len(), 17);
 }
@@ -331,10 +466,19 @@ fn too_few_points_are_refused() {
     let avatar = Avatar::embedded().expect("the embedded body");
     let fitter = Fitter::new(&avatar).expect("a human rig");
     let mut keypoints = person(&fitter, &avatar, 1).keypoints(&avatar, true);
-    keypoints.points.iter_mut().skip(11).for_each(|p| p.score = 0.0);
-    let error = fitter.fit(&keypoints, &FitOptions::default()).expect_err("a face alone");
+    keypoints
+        .points
+        .iter_mut()
+        .skip(11)
+        .for_each(|p| p.score = 0.0);
+    let error = fitter
+        .fit(&keypoints, &FitOptions::default())
+        .expect_err("a face alone");
     assert!(error.to_string().contains("head to knee"), "{error}");
-    keypoints.points.iter_mut().for_each(|p| p.pixel = DVec2::NAN);
+    keypoints
+        .points
+        .iter_mut()
+        .for_each(|p| p.pixel = DVec2::NAN);
     assert!(fitter.fit(&keypoints, &FitOptions::default()).is_err());
 }
 

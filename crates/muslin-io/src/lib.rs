@@ -4,6 +4,7 @@
 //! values that are whole. Writers build bytes in memory; [`Output`] puts them on disk so that
 //! nobody ever sees half a file.
 
+pub mod bvh;
 mod error;
 mod glb;
 mod input;
