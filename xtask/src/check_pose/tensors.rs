@@ -53,7 +53,7 @@ pub fn compare(
 
 /// About 120 values of a tensor.
 fn line(golden: &mut String, name: &str, values: &[f64]) {
-    let stride = values.len() / 120 | 1;
+    let stride = (values.len() / 120) | 1;
     let some: Vec<String> = values
         .iter()
         .step_by(stride)
