@@ -132,15 +132,13 @@ impl Form<'_> {
 
     /// About how far `p` is outside [m], and the direction that grows; none far from everything.
     fn distance_near(&self, p: DVec3, near: &mut Near) -> Option<(f64, DVec3)> {
-        let mut skins = near.known.iter_mut();
+        let mut skins = near.known.iter_mut().peekable();
         let mut total: Option<(f64, DVec3)> = None;
         for part in &self.parts {
-            let found = match part {
-                Part::Tube(..) => part.distance(p),
-                _ => match skins.next() {
-                    Some(known) => part.distance_near(p, known),
-                    None => part.distance(p),
-                },
+            let cloth = matches!(part, Part::Tube(..));
+            let found = match skins.next_if(|_| !cloth) {
+                Some(known) => part.distance_near(p, known),
+                None => part.distance(p),
             };
             total = match (total, found) {
                 (Some(a), Some(b)) => Some(melt(a, b, self.blend)),

@@ -205,6 +205,12 @@ fn in_range(figures: &[FigureRange]) -> Result<(), GarmentError> {
     }
 }
 
+/// How far vertices stay off the skin [m] so that triangles with edges of `edge` [m] do, too:
+/// they cut the corner where the skin is round.
+fn off_skin(edge: f64) -> f64 {
+    0.0035 + 4.0 * edge * edge
+}
+
 /// Lays a point by its shadow on the frontal plane, with the sides folded out.
 ///
 /// `middle`: x and z of the panel's middle line [m]; `unfold`: 1 where the sides go back steeply.

@@ -1,6 +1,6 @@
 //! A crew-neck shirt.
 
-use super::{Cut, FigureRange, Side, ramp, shadow};
+use super::{Cut, FigureRange, Side, off_skin, ramp, shadow};
 use crate::form::{Form, Part, Wall};
 use crate::pattern::Laid;
 use crate::sheet::Sheet;
@@ -201,6 +201,7 @@ pub(crate) struct Plan<'a> {
     sleeves: [Tube; 2],
     /// Length of the sleeves along the arms [m].
     lengths: [f64; 2],
+    edge: f64,
 }
 
 impl<'a> Plan<'a> {
@@ -215,6 +216,7 @@ impl<'a> Plan<'a> {
             trunk,
             sleeves: [l, r],
             lengths,
+            edge: tee.edge,
         }
     }
 
@@ -225,7 +227,7 @@ impl<'a> Plan<'a> {
             let end = Wall::Plane(sleeve.axis.origin, -sleeve.axis.along);
             parts.push(Part::tube(sleeve, vec![end]));
         }
-        parts.push(Part::Skin(&self.stand.skin, 0.004));
+        parts.push(Part::Skin(&self.stand.skin, off_skin(self.edge)));
         Form { parts, blend: 0.02 }
     }
 

@@ -1,6 +1,6 @@
 //! Trousers and shorts.
 
-use super::{Cut, FigureRange, Side, ramp, shadow};
+use super::{Cut, FigureRange, Side, off_skin, ramp, shadow};
 use crate::form::{Form, Part, Wall};
 use crate::pattern::Laid;
 use crate::sheet::Sheet;
@@ -34,8 +34,8 @@ impl Default for Trousers {
     }
 }
 
-/// Half the room between the legs [m].
-const BETWEEN: f64 = 0.0025;
+/// Half the room between the legs [m]: triangles must find their way around the fold.
+const BETWEEN: f64 = 0.012;
 
 /// How far below the body's crotch the trousers' lies [m].
 const CROTCH_DROP: f64 = 0.012;
@@ -131,7 +131,7 @@ impl Trousers {
         tube.widen(|t, girth| {
             let s = ((t - crotch) / (length - crotch)).clamp(0.0, 1.0);
             let full = ((thigh + (hem - thigh) * s - girth) / TAU).max(AT_LEAST);
-            at_hip + (full - at_hip) * ramp(t, crotch - 0.05, crotch + 0.08)
+            at_hip + (full - at_hip) * ramp(t, crotch - 0.05, crotch + 0.25)
         });
         tube.soften(3);
         tube
@@ -143,6 +143,7 @@ pub(crate) struct Plan<'a> {
     stand: &'a Stand<'a>,
     hips: Tube,
     legs: [Tube; 2],
+    edge: f64,
 }
 
 impl<'a> Plan<'a> {
@@ -152,6 +153,7 @@ impl<'a> Plan<'a> {
             stand,
             hips: trousers.hips(stand),
             legs,
+            edge: trousers.edge,
         }
     }
 
@@ -165,7 +167,7 @@ impl<'a> Plan<'a> {
             let inner = Wall::Plane(-inward * BETWEEN, inward);
             parts.push(Part::tube(leg, vec![top, inner]));
         }
-        parts.push(Part::Skin(&self.stand.skin, 0.004));
+        parts.push(Part::Skin(&self.stand.skin, off_skin(self.edge)));
         Form {
             parts,
             blend: 0.015,
