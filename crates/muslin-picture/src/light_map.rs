@@ -91,12 +91,13 @@ impl LightMap {
     fn tris(&self, flat: &Flat) -> Vec<Tri> {
         let placed: Vec<Vec3> = flat.at.iter().map(|&p| self.place(p)).collect();
         let tri = |f: &[u32; 3]| {
-            let p = f.map(|v| placed[v as usize]);
-            Tri::new(
-                p.map(|p| DVec2::new(p.x.into(), p.y.into())),
-                p.map(|p| p.z),
-                0,
-            )
+            let [a, b, c] = [
+                placed[f[0] as usize],
+                placed[f[1] as usize],
+                placed[f[2] as usize],
+            ];
+            let flat = |p: Vec3| DVec2::new(p.x.into(), p.y.into());
+            Tri::new([flat(a), flat(b), flat(c)], [a.z, b.z, c.z], 0)
         };
         flat.faces.iter().filter_map(tri).collect()
     }

@@ -29,8 +29,8 @@ impl Tri {
     /// Snaps the corners [px]; none if nothing is left of the triangle.
     /// Coordinates must be below 2^22 px.
     pub fn new(p: [DVec2; 3], mut near: [f32; 3], id: u32) -> Option<Self> {
-        let mut x = p.map(|p| snap(p.x));
-        let mut y = p.map(|p| snap(p.y));
+        let mut x = [snap(p[0].x), snap(p[1].x), snap(p[2].x)];
+        let mut y = [snap(p[0].y), snap(p[1].y), snap(p[2].y)];
         let area = i64::from(x[1] - x[0]) * i64::from(y[2] - y[0])
             - i64::from(x[2] - x[0]) * i64::from(y[1] - y[0]);
         if area < 0 {
@@ -41,11 +41,12 @@ impl Tri {
         (area != 0).then_some(Self { x, y, near, id })
     }
 
-    /// Columns and rows of pixels its bounding box touches, cut to a rectangle.
-    fn span(&self, cols: Range<i32>, rows: Range<i32>) -> [Range<i32>; 2] {
+    /// Columns and rows of pixels with samples in its bounding box, cut to a
+    /// rectangle; samples lie from `first` to `last` in a pixel.
+    fn span(&self, cols: Range<i32>, rows: Range<i32>, [first, last]: [i32; 2]) -> [Range<i32>; 2] {
         let cut = |v: [i32; 3], r: Range<i32>| {
-            let lo = v[0].min(v[1]).min(v[2]) >> 8;
-            let hi = v[0].max(v[1]).max(v[2]) >> 8;
+            let lo = (v[0].min(v[1]).min(v[2]) - last + 255) >> 8;
+            let hi = (v[0].max(v[1]).max(v[2]) - first) >> 8;
             lo.max(r.start)..(hi + 1).min(r.end)
         };
         [cut(self.x, cols), cut(self.y, rows)]
@@ -53,39 +54,41 @@ impl Tri {
 
     /// The three edge functions, non-negative inside.
     fn edges(&self) -> [Edge; 3] {
-        [0, 1, 2].map(|i| {
-            let j = (i + 1) % 3;
-            let dx = i64::from(self.x[j]) - i64::from(self.x[i]);
-            let dy = i64::from(self.y[j]) - i64::from(self.y[i]);
-            // Of an edge's two directions exactly one owns the samples on it.
-            let owns = dy > 0 || (dy == 0 && dx < 0);
-            let c = dy * i64::from(self.x[i]) - dx * i64::from(self.y[i]);
-            Edge {
-                a: -dy,
-                b: dx,
-                c: c - i64::from(!owns),
-            }
-        })
+        [self.edge(0, 1), self.edge(1, 2), self.edge(2, 0)]
+    }
+
+    #[inline]
+    fn edge(&self, i: usize, j: usize) -> Edge {
+        let dx = i64::from(self.x[j]) - i64::from(self.x[i]);
+        let dy = i64::from(self.y[j]) - i64::from(self.y[i]);
+        // Of an edge's two directions exactly one owns the samples on it.
+        let owns = dy > 0 || (dy == 0 && dx < 0);
+        let c = dy * i64::from(self.x[i]) - dx * i64::from(self.y[i]);
+        Edge {
+            a: -dy,
+            b: dx,
+            c: c - i64::from(!owns),
+        }
     }
 
     /// Nearness as a plane over snapped coordinates.
     fn plane(&self) -> Plane {
-        let [x, y] = [self.x, self.y].map(|v| v.map(f64::from));
-        let n = self.near.map(f64::from);
-        let (x1, x2, y1, y2) = (x[1] - x[0], x[2] - x[0], y[1] - y[0], y[2] - y[0]);
-        let (n1, n2) = (n[1] - n[0], n[2] - n[0]);
+        let from = |v: [i32; 3], i: usize| f64::from(v[i]) - f64::from(v[0]);
+        let rise = |i: usize| f64::from(self.near[i]) - f64::from(self.near[0]);
+        let (x1, x2, y1, y2) = (
+            from(self.x, 1),
+            from(self.x, 2),
+            from(self.y, 1),
+            from(self.y, 2),
+        );
+        let (n1, n2) = (rise(1), rise(2));
         let inv = 1.0 / (x1 * y2 - x2 * y1);
         let a = (n1 * y2 - n2 * y1) * inv;
         let b = (n2 * x1 - n1 * x2) * inv;
         let lo = self.near[0].min(self.near[1]).min(self.near[2]);
         let hi = self.near[0].max(self.near[1]).max(self.near[2]);
-        Plane {
-            a,
-            b,
-            c: n[0] - a * x[0] - b * y[0],
-            lo,
-            hi,
-        }
+        let c = f64::from(self.near[0]) - a * f64::from(self.x[0]) - b * f64::from(self.y[0]);
+        Plane { a, b, c, lo, hi }
     }
 }
 
@@ -143,6 +146,7 @@ pub(crate) struct Tile<const S: usize> {
     width: i32,
     height: i32,
     offsets: [[i32; 2]; S],
+    reach: [i32; 2],
     /// Nearness of what each sample sees.
     pub near: Vec<[f32; S]>,
     /// Id of what each sample sees, or [`NOTHING`].
@@ -152,12 +156,16 @@ pub(crate) struct Tile<const S: usize> {
 impl<const S: usize> Tile<S> {
     /// An empty tile with its top left pixel at `(x0, y0)`.
     pub fn new(x0: usize, y0: usize, width: usize, height: usize) -> Self {
+        let offsets = pattern::<S>();
+        let first = offsets.iter().flatten().copied().min().unwrap_or(0);
+        let last = offsets.iter().flatten().copied().max().unwrap_or(255);
         let mut tile = Self {
             x0: 0,
             y0: 0,
             width: 0,
             height: 0,
-            offsets: pattern(),
+            offsets,
+            reach: [first, last],
             near: Vec::new(),
             id: Vec::new(),
         };
@@ -179,6 +187,7 @@ impl<const S: usize> Tile<S> {
         let [cols, rows] = tri.span(
             self.x0..self.x0 + self.width,
             self.y0..self.y0 + self.height,
+            self.reach,
         );
         if cols.is_empty() || rows.is_empty() {
             return;
@@ -294,7 +303,7 @@ impl Bins {
     }
 
     fn touched(&mut self, tri: &Tri, mut visit: impl FnMut(&mut [u32], &mut [u32], usize)) {
-        let [cols, rows] = tri.span(0..self.size[0] as i32, 0..self.size[1] as i32);
+        let [cols, rows] = tri.span(0..self.size[0] as i32, 0..self.size[1] as i32, [0, 255]);
         if cols.is_empty() || rows.is_empty() {
             return;
         }

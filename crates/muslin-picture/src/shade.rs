@@ -125,7 +125,7 @@ impl Shader<'_> {
 /// Light that hidden places get from the cloth around them, which hides the dome.
 fn bounce(dome: Vec3, albedo: Vec3) -> Vec3 {
     const OPEN: f32 = 0.45;
-    (albedo * 0.35 + Vec3::splat(0.05)) * (OPEN - dome.y).max(0.0)
+    (albedo * 0.35 + Vec3::splat(0.11)) * (OPEN - dome.y).max(0.0)
 }
 
 /// Where blockers are looked for.
