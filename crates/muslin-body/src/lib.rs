@@ -23,6 +23,7 @@ mod error;
 mod export;
 mod figure;
 mod groups;
+mod hands;
 mod keypoints;
 mod measure;
 pub mod names;

@@ -300,10 +300,9 @@ impl<'a, 'w> Job<'a, 'w> {
         (outfit, dressed): (&Outfit, &Dressed),
     ) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         let who = (self.avatar, &model.sitter);
-        let file = glb(
-            &files::scene(who, outfit, dressed),
-            &muslin_io::GlbOptions::default(),
-        );
+        let figure = files::scene(who, outfit, dressed);
+        files::check_stored(self.avatar, &figure)?;
+        let file = glb(&figure, &muslin_io::GlbOptions::default());
         let scene = look::scene(who, outfit, dressed, self.options.backdrop);
         let mut files = vec![
             ("look.glb", file.map_err(|e| file_failure(&e))?),

@@ -18,8 +18,9 @@ pub struct Sitter {
 
 impl Sitter {
     /// Somebody of this shape in this pose.
-    pub fn new(avatar: &Avatar, shape: &Shape, pose: Pose) -> Result<Self, Failure> {
+    pub fn new(avatar: &Avatar, shape: &Shape, mut pose: Pose) -> Result<Self, Failure> {
         let figure = avatar.figure(shape).map_err(|e| body_failure(&e))?;
+        pose.relax_hands(avatar, &figure).map_err(|e| body_failure(&e))?;
         let posed = avatar.pose(&figure, &pose);
         if posed.verts.iter().any(|v| !v.is_finite()) {
             return Err(Failure::new(

@@ -4,28 +4,21 @@
 //! that need test data take its folder (`photos/`, `motion/`) and say so without it.
 
 mod clock;
+mod crowd;
+mod rooms;
+mod whole;
 
 use std::path::Path;
 
-use crate::failure::Failure;
+use crate::failure::{Exit, Failure};
 
-/// The posed body.
-pub fn body() -> Result<String, Failure> {
-    Ok(clock::load())
-}
-/// The detector.
-pub fn pose(_data: Option<&Path>) -> Result<String, Failure> {
-    Ok(clock::least_of(1, || ()).text())
-}
-/// The fit.
-pub fn fit(_data: Option<&Path>) -> Result<String, Failure> {
-    Ok(format!("{:?}", clock::peak_memory()))
-}
-/// Garments.
-pub fn drape(_data: Option<&Path>, _cases: usize) -> Result<String, Failure> {
-    Ok(String::new())
-}
-/// The whole job.
-pub fn dress(_data: Option<&Path>) -> Result<String, Failure> {
-    Ok(String::new())
+pub use rooms::{body, fit, pose};
+pub use whole::{drape, dress};
+
+/// The data folder, or a failure that says how to name it.
+fn needed(data: Option<&Path>) -> Result<&Path, Failure> {
+    data.ok_or_else(|| {
+        let what = "this figure needs a folder with photos/ and motion/";
+        Failure::new(Exit::Usage, "no-data", what).hint("name it with --data or MUSLIN_DATA")
+    })
 }

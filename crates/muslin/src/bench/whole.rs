@@ -1,0 +1,151 @@
+//! Many drapes, and the whole job.
+
+use std::path::Path;
+use std::time::Instant;
+
+use muslin_body::Avatar;
+
+use super::clock::{least_of, load, peak_memory};
+use super::{crowd, needed};
+use crate::drape::{Dressed, drape_outfit};
+use crate::dress::dress as whole_job;
+use crate::failure::Failure;
+use crate::figure::{Sitter, body_failure};
+use crate::options::{DressOptions, Wear};
+use crate::outfit::Outfit;
+use crate::table::Table;
+use crate::watch::Watch;
+
+/// What happened to one garment over all cases.
+#[derive(Default)]
+struct Tally {
+    cases: usize,
+    failed: Vec<String>,
+    in_body: Vec<String>,
+    crossed: Vec<String>,
+    stretched: Vec<String>,
+    restless: usize,
+    seconds: Vec<f64>,
+}
+
+impl Tally {
+    fn add(&mut self, name: &str, result: Result<Dressed, Failure>, seconds: f64) {
+        self.cases += 1;
+        self.seconds.push(seconds);
+        let dressed = match result {
+            Ok(dressed) => dressed,
+            Err(e) => return self.failed.push(format!("{name}: {e}")),
+        };
+        let (q, s) = (&dressed.quality, &dressed.quality.settled);
+        if s.body_intersections > 0 {
+            self.in_body.push(format!("{name}: {}", s.body_intersections));
+        }
+        if s.self_crossings > 0 {
+            self.crossed.push(format!("{name}: {}", s.self_crossings));
+        }
+        if !q.within_limits() {
+            self.stretched.push(format!("{name}: {:.1} %", q.stretch_p99() * 100.0));
+        }
+        self.restless += usize::from(!s.converged);
+    }
+
+    fn row(&mut self, garment: &str) -> [String; 9] {
+        self.seconds.sort_unstable_by(f64::total_cmp);
+        let at = |share: f64| {
+            let k = ((self.seconds.len().max(1) - 1) as f64 * share) as usize;
+            format!("{:.2}", self.seconds.get(k).copied().unwrap_or(0.0))
+        };
+        [
+            garment.to_owned(),
+            self.cases.to_string(),
+            self.failed.len().to_string(),
+            self.in_body.len().to_string(),
+            self.crossed.len().to_string(),
+            self.stretched.len().to_string(),
+            self.restless.to_string(),
+            at(0.5),
+            at(1.0),
+        ]
+    }
+
+    fn words(&self, garment: &str) -> String {
+        let kinds = [
+            ("failed", &self.failed),
+            ("in the body", &self.in_body),
+            ("crosses itself", &self.crossed),
+            ("beyond its limit", &self.stretched),
+        ];
+        let lines = kinds.into_iter().filter(|(_, list)| !list.is_empty()).map(|(kind, list)| {
+            format!("{garment}, {kind}: {}", list.join("; "))
+        });
+        lines.collect::<Vec<_>>().join("\n")
+    }
+}
+
+/// Tee and trousers on `cases` random bodies in `cases` recorded poses each.
+pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
+    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let moments = crowd::moments(needed(data)?, cases)?;
+    let mut table = Table::new(&[
+        "garment", "cases", "failed", "in body", "crossed", "stretched", "moving", "median s", "worst s",
+    ]);
+    let mut words = Vec::new();
+    for garment in ["tee", "trousers"] {
+        let options = DressOptions { outfit: vec![Wear::parse(garment)], ..Default::default() };
+        let outfit = Outfit::make(&avatar, &options, |_| {})?;
+        let mut tally = Tally::default();
+        for k in 0..cases * cases {
+            let (body, moment) = (k / cases, &moments[k % cases]);
+            let shape = crowd::stranger(body as u64 + 1);
+            let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
+            let sitter = Sitter::new(&avatar, &shape, moment.pose(&avatar, &figure)?)?;
+            let since = Instant::now();
+            let result = drape_outfit(&avatar, &outfit, &sitter);
+            tally.add(&format!("body {body}, {}", moment.name), result, since.elapsed().as_secs_f64());
+            eprint!("\r{garment} {}/{}", k + 1, cases * cases);
+        }
+        eprintln!();
+        table.row(tally.row(garment));
+        words.push(tally.words(garment));
+    }
+    Ok(format!("{}\n{}\n{}", table.text(), words.join("\n"), load()))
+}
+
+/// The whole job on the built-in photo, one garment; then the drapes, if there is data.
+pub fn dress(data: Option<&Path>) -> Result<String, Failure> {
+    let out = std::env::temp_dir().join(format!("muslin-bench-{}", std::process::id()));
+    let options = DressOptions {
+        outfit: vec![Wear::parse("tee")],
+        allow_crossings: true,
+        ..Default::default()
+    };
+    let mut fault = None;
+    let time = least_of(10, || {
+        let job = crate::dress::demo(&out, &options, &mut Watch::nobody());
+        fault = fault.take().or(job.err());
+    });
+    let memory = peak_memory().map_or("unknown".to_owned(), |m| format!("{m:.0} MiB"));
+    let mut table = Table::new(&["what", "least of 10 runs"]);
+    table.row(["photo to files, tee", &time.text()]);
+    table.row(["peak memory", &memory]);
+    let each = data.map(|d| each_photo(d, &out)).transpose();
+    let _ = std::fs::remove_dir_all(&out);
+    match fault {
+        Some(fault) => Err(fault),
+        None => Ok(format!("{}\n{}\n{}", table.text(), each?.unwrap_or_default(), load())),
+    }
+}
+
+/// The default outfit on every photo, once.
+fn each_photo(data: &Path, out: &Path) -> Result<String, Failure> {
+    let mut table = Table::new(&["photo", "seconds", "result"]);
+    for path in crowd::photos(data)? {
+        let since = Instant::now();
+        let job = whole_job(&path, out, &DressOptions::default(), &mut Watch::nobody());
+        let seconds = format!("{:.2}", since.elapsed().as_secs_f64());
+        let result = job.map_or_else(|e| e.to_string().replace('\n', " "), |_| "ok".to_owned());
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        table.row([name, seconds, result]);
+    }
+    Ok(table.text())
+}
