@@ -49,8 +49,6 @@ pub(crate) struct Stand<'a> {
     pub crotch: DVec3,
     /// Height of the upper end of the tights [m].
     pub neck: f64,
-    /// The armpits [m].
-    pub armpits: [DVec3; 2],
     /// Height of the armpits [m].
     pub armpit: f64,
 }
@@ -148,7 +146,6 @@ impl<'a> Stand<'a> {
             limbs,
             crotch: verts[map.crotch as usize],
             neck: y(map.neck),
-            armpits: map.armpit.map(|i| verts[i as usize]),
             armpit: (y(map.armpit[0]) + y(map.armpit[1])) / 2.0,
             map,
             verts,

@@ -1,0 +1,354 @@
+//! The tee and the trousers, on many bodies.
+
+use glam::DVec3;
+use muslin_body::{Avatar, Figure, Shape};
+use muslin_garment::{Cut, Garment, GarmentError, Opening, Outfit, Recipe, Tee, Trousers, Worn};
+use muslin_geom::{Mesh, Surface, intersecting_pairs, self_intersections};
+use std::sync::OnceLock;
+
+fn avatar() -> &'static Avatar {
+    static AVATAR: OnceLock<Avatar> = OnceLock::new();
+    AVATAR.get_or_init(|| Avatar::embedded().expect("the embedded avatar is sound"))
+}
+
+fn tee() -> &'static Garment {
+    static TEE: OnceLock<Garment> = OnceLock::new();
+    TEE.get_or_init(|| made(Recipe::Tee(Tee::default())))
+}
+
+fn trousers() -> &'static Garment {
+    static TROUSERS: OnceLock<Garment> = OnceLock::new();
+    TROUSERS.get_or_init(|| made(Recipe::Trousers(Trousers::default())))
+}
+
+fn made(recipe: Recipe) -> Garment {
+    Garment::make(avatar(), &recipe).expect("the recipe is in range")
+}
+
+fn figure(traits: &[(&str, f64)]) -> Figure {
+    let shape = traits.iter().fold(Shape::default(), |s, (name, value)| {
+        s.with(name, *value).expect("a phenotype in range")
+    });
+    avatar().figure(&shape).expect("an adult")
+}
+
+/// Thin, heavy, muscular and tall, short, full-bosomed, and old bodies.
+fn bodies() -> Vec<Figure> {
+    [
+        &[("gender", 1.0), ("weight", 0.05), ("muscle", 0.3)][..],
+        &[
+            ("gender", 1.0),
+            ("weight", 1.0),
+            ("cupsize", 1.0),
+            ("height", 0.4),
+        ],
+        &[("gender", 0.0), ("muscle", 1.0), ("height", 0.9)],
+        &[("height", 0.0), ("weight", 0.6)],
+        &[("gender", 1.0), ("cupsize", 1.0), ("firmness", 1.0)],
+        &[("gender", 0.0), ("age", 1.0), ("weight", 0.8)],
+    ]
+    .iter()
+    .map(|t| figure(t))
+    .collect()
+}
+
+fn mesh(garment: &Garment, worn: &Worn) -> Mesh {
+    Mesh {
+        verts: worn.verts.clone(),
+        faces: garment.faces.clone(),
+    }
+}
+
+fn skin(figure: &Figure) -> Mesh {
+    Mesh {
+        verts: figure.verts.clone(),
+        faces: avatar().collision_faces().to_vec(),
+    }
+}
+
+fn angles(x: &[DVec3], f: [u32; 3]) -> [f64; 3] {
+    let p = f.map(|i| x[i as usize]);
+    [0, 1, 2].map(|k| {
+        (p[(k + 1) % 3] - p[k])
+            .angle_between(p[(k + 2) % 3] - p[k])
+            .to_degrees()
+    })
+}
+
+#[test]
+fn a_tee_has_four_openings_and_trousers_have_three() {
+    let openings = |g: &Garment| g.rims.iter().map(|r| r.opening).collect::<Vec<_>>();
+    let (tee, trousers) = (openings(tee()), openings(trousers()));
+    assert_eq!((tee.len(), trousers.len()), (4, 3), "{tee:?} {trousers:?}");
+    assert!(tee.contains(&Opening::Neck) && tee.contains(&Opening::Hem));
+    assert!(trousers.contains(&Opening::Waist));
+}
+
+#[test]
+fn trousers_are_pinned_around_the_waist_and_a_tee_hangs_free() {
+    let waist = trousers()
+        .rims
+        .iter()
+        .find(|r| r.opening == Opening::Waist)
+        .expect("a waist");
+    assert_eq!(trousers().pins.len(), waist.verts.len());
+    assert!(trousers().pins.len() > 40);
+    assert!(tee().pins.is_empty());
+}
+
+#[test]
+fn a_vertex_hangs_wholly_on_the_body() {
+    for garment in [tee(), trousers()] {
+        assert!(garment.binding.is_convex(avatar().n_verts()));
+        let skin = garment.skin_weights(avatar());
+        assert!(skin.is_convex(avatar().rig().n_bones()));
+        assert_eq!(skin.n_rows(), garment.n_verts());
+    }
+}
+
+#[test]
+fn triangles_are_even_and_of_the_size_asked_for() {
+    let figure = figure(&[]);
+    for garment in [tee(), trousers()] {
+        let worn = garment
+            .worn(avatar(), &figure, &[])
+            .expect("an embedded avatar");
+        let all = garment.faces.iter().map(|f| angles(&worn.verts, *f));
+        let worst = all.flatten().fold(180.0, f64::min);
+        assert!(worst > 18.0, "{}: {worst:.1} degrees", garment.name);
+        let x = &worn.verts;
+        let sides = garment
+            .faces
+            .iter()
+            .flat_map(|f| [[f[0], f[1]], [f[1], f[2]], [f[2], f[0]]]);
+        let lengths: Vec<f64> = sides
+            .map(|[a, b]| (x[a as usize] - x[b as usize]).length())
+            .collect();
+        let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
+        assert!(
+            (0.9..1.12).contains(&(mean / garment.recipe.edge())),
+            "{mean}"
+        );
+    }
+}
+
+#[test]
+fn an_outfit_starts_clean_on_every_body() {
+    let outfit = Outfit {
+        garments: vec![trousers().clone(), tee().clone()],
+    };
+    for (k, figure) in bodies().iter().enumerate() {
+        let worn = outfit.worn(avatar(), figure).expect("an embedded avatar");
+        let body = skin(figure);
+        let surface = Surface::new(&body.verts, &body.faces);
+        for (garment, worn) in outfit.garments.iter().zip(&worn) {
+            let name = &garment.name;
+            let cloth = mesh(garment, worn);
+            let close = |p: &&DVec3| surface.closest(**p, 0.05).is_some_and(|c| c.signed < 0.001);
+            assert_eq!(
+                worn.verts.iter().filter(close).count(),
+                0,
+                "body {k}, {name}: too close"
+            );
+            assert_eq!(
+                intersecting_pairs(&cloth, &body).len(),
+                0,
+                "body {k}, {name}: in body"
+            );
+            assert_eq!(
+                self_intersections(&cloth).len(),
+                0,
+                "body {k}, {name}: in itself"
+            );
+        }
+        let [low, high] = [0, 1].map(|i| mesh(&outfit.garments[i], &worn[i]));
+        assert_eq!(
+            intersecting_pairs(&low, &high).len(),
+            0,
+            "body {k}: layers cross"
+        );
+    }
+}
+
+#[test]
+fn a_tucked_shirt_lies_inside_the_trousers() {
+    let outfit = Outfit {
+        garments: vec![tee().clone(), trousers().clone()],
+    };
+    let worn = outfit
+        .worn(avatar(), &figure(&[]))
+        .expect("an embedded avatar");
+    let [shirt, legs] = [0, 1].map(|i| mesh(&outfit.garments[i], &worn[i]));
+    assert_eq!(intersecting_pairs(&shirt, &legs).len(), 0);
+    let hem = tee()
+        .rims
+        .iter()
+        .find(|r| r.opening == Opening::Hem)
+        .expect("a hem");
+    let outer = Surface::new(&legs.verts, &legs.faces);
+    let inside = |i: &&u32| {
+        outer
+            .closest(worn[0].verts[**i as usize], 0.2)
+            .is_some_and(|c| c.signed < 0.0)
+    };
+    assert_eq!(hem.verts.iter().filter(inside).count(), hem.verts.len());
+}
+
+#[test]
+fn cloth_starts_without_strain_and_the_pattern_is_true_to_size() {
+    let figure = figure(&[]);
+    for garment in [tee(), trousers()] {
+        let worn = garment
+            .worn(avatar(), &figure, &[])
+            .expect("an embedded avatar");
+        for (f, rest) in garment.faces.iter().zip(&worn.rest) {
+            let p = f.map(|i| worn.verts[i as usize]);
+            for k in 0..3 {
+                let (want, got) = (
+                    (p[(k + 1) % 3] - p[k]).length(),
+                    (rest[(k + 1) % 3] - rest[k]).length(),
+                );
+                assert!((want - got).abs() < 1e-9, "{got} for {want}");
+            }
+            assert!(
+                (rest[1] - rest[0]).perp_dot(rest[2] - rest[0]) > 0.0,
+                "face down"
+            );
+        }
+        let area = |t: &[glam::DVec2; 3]| (t[1] - t[0]).perp_dot(t[2] - t[0]) / 2.0;
+        let (uv, rest) = (
+            garment.uv.iter().map(area).sum::<f64>(),
+            worn.rest.iter().map(area).sum::<f64>(),
+        );
+        assert!((uv / rest - 1.0).abs() < 0.02, "{uv} against {rest}");
+    }
+}
+
+#[test]
+fn the_grain_runs_down_the_body() {
+    let worn = tee()
+        .worn(avatar(), &figure(&[]), &[])
+        .expect("an embedded avatar");
+    let front = tee()
+        .panel
+        .iter()
+        .zip(&tee().faces)
+        .zip(&worn.rest)
+        .filter(|((p, _), _)| **p == 0);
+    let (mut upright, mut all) = (0, 0);
+    for ((_, f), rest) in front {
+        let p = f.map(|i| worn.verts[i as usize]);
+        for k in 0..3 {
+            let (d, r) = (p[(k + 1) % 3] - p[k], rest[(k + 1) % 3] - rest[k]);
+            all += 1;
+            upright += usize::from((d.y - r.y).abs() < 0.35 * d.length());
+        }
+    }
+    assert!(
+        upright * 100 > all * 90,
+        "{upright} of {all} edges keep their height"
+    );
+}
+
+#[test]
+fn a_hem_is_level_and_a_neckline_is_smooth() {
+    let worn = tee()
+        .worn(avatar(), &figure(&[]), &[])
+        .expect("an embedded avatar");
+    let rim = |o: Opening| {
+        tee()
+            .rims
+            .iter()
+            .find(|r| r.opening == o)
+            .expect("it has one")
+    };
+    let x = |i: u32| worn.verts[i as usize];
+    let hem = &rim(Opening::Hem).verts;
+    assert!(hem.iter().all(|&i| (x(i).y - x(hem[0]).y).abs() < 1e-6));
+    let neck = &rim(Opening::Neck).verts;
+    for k in 0..neck.len() {
+        let at = |d: usize| x(neck[(k + d) % neck.len()]);
+        let turn = (at(1) - at(0)).angle_between(at(2) - at(1)).to_degrees();
+        assert!(turn < 35.0, "the neckline turns by {turn:.0} degrees");
+    }
+}
+
+/// Half the width of a shirt at a height [m].
+fn half_width(worn: &Worn, y: f64) -> f64 {
+    let near = worn.verts.iter().filter(|p| (p.y - y).abs() < 0.012);
+    near.map(|p| p.x.abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_tee_hangs_straight_past_a_narrow_waist() {
+    let figure = figure(&[("gender", 1.0), ("weight", 0.3)]);
+    let worn = tee()
+        .worn(avatar(), &figure, &[])
+        .expect("an embedded avatar");
+    let bottom = worn.verts.iter().map(|p| p.y).fold(f64::MAX, f64::min);
+    let (hem, waist) = (half_width(&worn, bottom), half_width(&worn, bottom + 0.18));
+    assert!((waist / hem - 1.0).abs() < 0.08, "waist {waist}, hem {hem}");
+}
+
+#[test]
+fn looser_cuts_take_more_cloth() {
+    let area = |cut: Cut| {
+        let garment = made(Recipe::Tee(Tee {
+            edge: 0.025,
+            ..Tee::new(cut)
+        }));
+        let worn = garment
+            .worn(avatar(), &figure(&[]), &[])
+            .expect("an embedded avatar");
+        worn.rest
+            .iter()
+            .map(|t| (t[1] - t[0]).perp_dot(t[2] - t[0]) / 2.0)
+            .sum::<f64>()
+    };
+    let (slim, regular, loose) = (area(Cut::Slim), area(Cut::Regular), area(Cut::Loose));
+    assert!(
+        slim < regular && regular < loose,
+        "{slim} {regular} {loose}"
+    );
+}
+
+#[test]
+fn figures_that_cannot_be_cut_are_refused() {
+    let recipe = Recipe::Tee(Tee {
+        edge: 0.001,
+        ..Tee::default()
+    });
+    let refused = Garment::make(avatar(), &recipe);
+    assert!(matches!(
+        refused,
+        Err(GarmentError::OutOfRange {
+            what: "edge length [m]",
+            ..
+        })
+    ));
+    let recipe = Recipe::Trousers(Trousers {
+        leg: f64::NAN,
+        ..Trousers::default()
+    });
+    assert!(matches!(
+        Garment::make(avatar(), &recipe),
+        Err(GarmentError::OutOfRange { .. })
+    ));
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_garment() {
+    let recipe = Recipe::Tee(Tee {
+        edge: 0.025,
+        ..Tee::default()
+    });
+    let build = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("threads can be started").install(|| {
+            let garment = Garment::make(avatar(), &recipe).expect("in range");
+            let worn = garment.worn(avatar(), &figure(&[("weight", 0.8)]), &[]);
+            (garment, worn.expect("an embedded avatar"))
+        })
+    };
+    assert_eq!(build(1), build(2));
+}
