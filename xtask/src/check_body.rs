@@ -219,8 +219,11 @@ impl Reference {
         let cases = self.list["cases"].as_array().ok_or("no cases")?;
         let bad = || "a case that breaks off".to_string();
         let one = |(case, bytes): (&Value, &[u8])| {
-            let mut shape = Shape::default();
-            shape.phenotypes = floats(&case["phenotypes"]).try_into().map_err(|_| bad())?;
+            let phenotypes = floats(&case["phenotypes"]).try_into().map_err(|_| bad())?;
+            let mut shape = Shape {
+                phenotypes,
+                locals: Vec::new(),
+            };
             for (name, value) in case["locals"].as_object().ok_or_else(bad)? {
                 shape = shape.with_local(name, value.as_f64().ok_or_else(bad)?);
             }

@@ -18,7 +18,7 @@ pub fn hex(bytes: &[u8]) -> String {
 
 /// The first 32 bits of the fractional parts of a root of the first `n` primes.
 fn fractions(n: usize, root: fn(f64) -> f64) -> Vec<u32> {
-    let prime = |p: &u32| (2..*p).all(|d| p % d != 0);
+    let prime = |p: &u32| (2..*p).all(|d| !p.is_multiple_of(d));
     // 52 bits hold the whole part (below 18) and 32 bits of fraction.
     (2u32..)
         .filter(prime)

@@ -96,8 +96,11 @@ fn place(end: &Value) -> Result<Place, String> {
     }
 }
 
-/// The default rig's skin weights: bone, then (vertex, weight).
-pub fn weights(archive: &Archive) -> Result<Vec<(String, Vec<(usize, f64)>)>, String> {
+/// What one bone pulls: its name, then (vertex, weight).
+pub type Pull = (String, Vec<(usize, f64)>);
+
+/// The default rig's skin weights.
+pub fn weights(archive: &Archive) -> Result<Vec<Pull>, String> {
     let file = json(archive, "rigs/standard/weights.default.json")?;
     let all = file["weights"]
         .as_object()
