@@ -383,7 +383,14 @@ fn the_base_layer_covers_the_trunk_and_leaves_face_hands_and_feet() {
         "{}",
         covered("spine03")
     );
-    for bare in ["wrist.L", "head", "jaw", "foot.R", "lowerleg01.L", "lowerarm01.R"] {
+    for bare in [
+        "wrist.L",
+        "head",
+        "jaw",
+        "foot.R",
+        "lowerleg01.L",
+        "lowerarm01.R",
+    ] {
         assert_eq!(covered(bare), 0.0, "{bare}");
     }
 }
