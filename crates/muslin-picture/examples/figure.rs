@@ -84,7 +84,7 @@ fn cpu_seconds() -> f64 {
 }
 
 /// The body in an offset, wrinkled copy of its own trunk.
-fn scene((verts, faces): (Vec<DVec3>, Vec<[u32; 3]>)) -> Scene {
+fn scene((verts, faces): Triangles) -> Scene {
     let normals = vertex_normals(&verts, &faces);
     let keep = |v: u32| {
         let p = verts[v as usize];
@@ -127,8 +127,11 @@ fn scene((verts, faces): (Vec<DVec3>, Vec<[u32; 3]>)) -> Scene {
     }
 }
 
+/// Vertices [m] and corner indices.
+type Triangles = (Vec<DVec3>, Vec<[u32; 3]>);
+
 /// Vertices [m] and triangles of a Wavefront file.
-fn read_obj(path: &Path) -> Result<(Vec<DVec3>, Vec<[u32; 3]>), Box<dyn Error>> {
+fn read_obj(path: &Path) -> Result<Triangles, Box<dyn Error>> {
     let (mut verts, mut faces) = (Vec::new(), Vec::new());
     for line in std::fs::read_to_string(path)?.lines() {
         let words: Vec<&str> = line.split_whitespace().collect();

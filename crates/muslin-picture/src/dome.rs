@@ -25,15 +25,21 @@ pub(crate) struct Dome {
 }
 
 impl Dome {
-    /// Looks along `count` directions with maps of `size` texels a side.
+    /// Looks along `count` directions, in opposite pairs, with maps of `size` texels a side.
     pub fn new(flat: &Flat, probes: &[Probe], count: usize, size: usize) -> Self {
-        let dirs: Vec<Vec3> = (0..count).map(|i| direction(i, count)).collect();
+        let above: Vec<Vec3> = (0..count.div_ceil(2))
+            .map(|i| direction(i, count))
+            .collect();
         let look = |&dir: &Vec3| {
-            let map = LightMap::small(flat, dir, size);
-            probes.iter().map(|probe| openness(&map, probe)).collect()
+            let maps = LightMap::opposite(flat, dir, size);
+            maps.map(|map| probes.iter().map(|probe| openness(&map, probe)).collect())
         };
-        let open = dirs.par_iter().map(look).collect();
-        Self { dirs, open }
+        let open: Vec<[Vec<u8>; 2]> = above.par_iter().map(look).collect();
+        let dirs = above.iter().flat_map(|&dir| [dir, -dir]).collect();
+        Self {
+            dirs,
+            open: open.into_iter().flatten().collect(),
+        }
     }
 
     /// Light arriving at the front and back of every probe under a sky of
@@ -53,9 +59,10 @@ impl Dome {
     }
 }
 
-/// Points of a spiral spread evenly over the sphere.
+/// Points of a spiral spread evenly over the upper half of the sphere, `count` for
+/// both halves.
 fn direction(i: usize, count: usize) -> Vec3 {
-    let y = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+    let y = 1.0 - (i as f64 + 0.5) / count.div_ceil(2) as f64;
     let turn = i as f64 * std::f64::consts::PI * (3.0 - 5f64.sqrt());
     let r = (1.0 - y * y).sqrt();
     Vec3::new((r * turn.cos()) as f32, y as f32, (r * turn.sin()) as f32)
@@ -74,8 +81,12 @@ mod tests {
 
     #[test]
     fn directions_are_balanced() {
-        let dirs: Vec<Vec3> = (0..96).map(|i| direction(i, 96)).collect();
-        assert!(dirs.iter().sum::<Vec3>().length() < 0.02 * 96.0);
+        let dirs: Vec<Vec3> = (0..48).map(|i| direction(i, 96)).collect();
+        let level =
+            |axis: fn(&Vec3) -> f32| dirs.iter().map(|d| axis(d).powi(2)).sum::<f32>() / 48.0;
+        assert!(
+            (level(|d| d.x) - 1.0 / 3.0).abs() < 0.02 && (level(|d| d.z) - 1.0 / 3.0).abs() < 0.02
+        );
         assert!(dirs.iter().all(|d| (d.length() - 1.0).abs() < 1e-5));
     }
 

@@ -49,13 +49,28 @@ impl LightMap {
         map
     }
 
-    /// A small map, rasterised by the calling thread alone.
-    pub fn small(flat: &Flat, toward: Vec3, size: usize) -> Self {
-        let mut map = Self::frame(flat, toward, size);
-        let mut tile = Tile::<1>::new(0, 0, size, size);
-        map.tris(flat).iter().for_each(|tri| tile.fill(tri));
-        map.top = tile.near.as_flattened().to_vec();
-        map
+    /// Two small maps, of a light and of the one opposite, drawn in one pass by the
+    /// calling thread alone; triangles own the texels whose middle they cover.
+    pub fn opposite(flat: &Flat, toward: Vec3, size: usize) -> [Self; 2] {
+        let mut front = Self::frame(flat, toward, size);
+        let mut ends = vec![[f32::NEG_INFINITY; 2]; size * size];
+        let placed: Vec<Vec3> = flat.at.iter().map(|&p| front.place(p)).collect();
+        for f in &flat.faces {
+            let corners = [
+                placed[f[0] as usize],
+                placed[f[1] as usize],
+                placed[f[2] as usize],
+            ];
+            splat(corners, size, &mut ends);
+        }
+        let mut back = Self {
+            toward: -toward,
+            top: Vec::new(),
+            ..front
+        };
+        front.top = ends.iter().map(|e| e[0]).collect();
+        back.top = ends.iter().map(|e| e[1]).collect();
+        [front, back]
     }
 
     /// Fits a square around the scene, with two texels to spare on each side.
@@ -133,5 +148,63 @@ impl LightMap {
         let next = first + self.size;
         let below = open(next) * (1.0 - fx) + open(next + 1) * fx;
         above * (1.0 - fy) + below * fy
+    }
+}
+
+/// Raises `[highest, -lowest]` of every texel whose middle lies in a triangle of
+/// (texel x, texel y, height); triangles seen edge-on are left to their neighbours.
+fn splat([a, b, c]: [Vec3; 3], size: usize, ends: &mut [[f32; 2]]) {
+    let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
+    // Texel coordinates are positive: the map has a border.
+    let cols = (lo.x + 0.5) as usize..((hi.x + 0.5) as usize).min(size);
+    let rows = (lo.y + 0.5) as usize..((hi.y + 0.5) as usize).min(size);
+    let (ab, ac) = (b - a, c - a);
+    let area = ab.truncate().perp_dot(ac.truncate());
+    if cols.is_empty() || rows.is_empty() || area.abs() < 1e-9 {
+        return;
+    }
+    let inv = 1.0 / area;
+    for y in rows {
+        for x in cols.clone() {
+            let d = Vec2::new(x as f32 + 0.5 - a.x, y as f32 + 0.5 - a.y);
+            let u = d.perp_dot(ac.truncate()) * inv;
+            let v = ab.truncate().perp_dot(d) * inv;
+            if u >= -1e-4 && v >= -1e-4 && u + v <= 1.0001 {
+                let height = a.z + u * ab.z + v * ac.z;
+                let texel = &mut ends[y * size + x];
+                *texel = [texel[0].max(height), texel[1].max(-height)];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn opposite_maps_see_the_two_ends_of_a_slab() {
+        let at = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+        let mut flat = Flat::default();
+        for z in [0.2, -0.3] {
+            let first = flat.at.len() as u32;
+            flat.at.extend([
+                at(-1.0, -1.0, z),
+                at(1.0, -1.0, z),
+                at(1.0, 1.0, z),
+                at(-1.0, 1.0, z),
+            ]);
+            flat.faces
+                .extend([[0, 1, 2], [0, 2, 3]].map(|f| f.map(|v: u32| v + first)));
+        }
+        let [front, back] = LightMap::opposite(&flat, Vec3::Z, 32);
+        let solid = front.top.iter().filter(|t| t.is_finite()).count();
+        assert_eq!(solid, 28 * 28, "all but the border of two texels");
+        assert!(front.top.iter().all(|&t| !t.is_finite() || t == 0.2));
+        assert!(back.top.iter().all(|&t| !t.is_finite() || t == 0.3));
+        let below = back.place(at(0.0, 0.0, -0.4));
+        assert_eq!(back.lit(below.x, below.y, below.z), 1.0);
+        let inside = back.place(at(0.0, 0.0, 0.0));
+        assert_eq!(back.lit(inside.x, inside.y, inside.z), 0.0);
     }
 }
