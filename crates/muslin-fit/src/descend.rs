@@ -44,7 +44,7 @@ pub fn descend(problem: &Problem, start: Guess, patience: Patience) -> Descent {
             match attempt(problem, &system, &at, &skin, lambda) {
                 Some((guess, found, cost)) => {
                     (at.guess, at.cost, skin) = (guess, cost, found);
-                    lambda = (lambda * 0.1).max(1e-9);
+                    lambda = (lambda * 0.1).max(1e-15);
                     break;
                 }
                 None => lambda *= 6.0,

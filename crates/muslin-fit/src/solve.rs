@@ -57,6 +57,8 @@ pub struct Fitter<'a> {
     folded: Folded,
     habits: Vec<Option<Habit>>,
     lengths: Vec<Free>,
+    /// `∂height/∂phenotype` of an average body [m].
+    height_slope: f64,
 }
 
 /// Fits one body; see [`Fitter::fit`].
@@ -74,6 +76,9 @@ const LENGTHS: [(&str, f64); 7] = [
     ("measure-upperleg-height", 0.35),
     ("measure-lowerleg-height", 0.35),
 ];
+
+/// Where the height stands among the phenotypes.
+const HEIGHT: usize = 4;
 
 /// Points that a fit needs.
 const LEAST_POINTS: usize = 6;
@@ -103,11 +108,14 @@ impl<'a> Fitter<'a> {
         folded.add_phenotypes(&Shape::default().phenotypes, &mut features);
         let habits = habits(&folded, &features);
         let lengths = Free::list(avatar, &folded, &LENGTHS)?;
+        let slope = folded.slopes(&Shape::default().phenotypes, &[HEIGHT]);
+        let height_slope = stature(&slope[0]);
         Ok(Fitter {
             avatar,
             folded,
             habits,
             lengths,
+            height_slope,
         })
     }
 
@@ -152,7 +160,8 @@ impl<'a> Fitter<'a> {
         };
         let end = self.search(&evidence, trust, [rough, fine.clone()]);
         let shape = self.exactly(fine.shape(&end.guess.shape), options)?;
-        let known = Shapes::new(self.avatar, &self.folded, &shape, &[])?.features(&[]);
+        let known = Shapes::new(self.avatar, &self.folded, &shape, &self.lengths)?;
+        let known = known.features(&known.start());
         Ok(self.finish(&evidence, options, (shape, known), end))
     }
 
@@ -160,10 +169,33 @@ impl<'a> Fitter<'a> {
     fn exactly(&self, shape: Shape, options: &FitOptions) -> Result<Shape, FitError> {
         Ok(match (options.height_m, options.weight_kg) {
             (Some(m), Some(kg)) => shape.with_height_and_mass(self.avatar, m, kg)?,
-            (Some(m), None) => shape.with_height(self.avatar, m)?,
+            (Some(m), None) => self.of_height(shape, m)?,
             (None, Some(kg)) => shape.with_mass(self.avatar, kg)?,
             (None, None) => shape,
         })
+    }
+
+    /// `shape` made `metres` tall. Heights are linear in the height phenotype while crown and
+    /// sole stay the same vertices, so a secant hits; the body's own way where they do not.
+    fn of_height(&self, shape: Shape, metres: f64) -> Result<Shape, FitError> {
+        let mut tall = shape.clone();
+        let mut slope = self.height_slope;
+        let mut missing = metres - self.avatar.height_of(&tall)?;
+        for _ in 0..3 {
+            if missing.abs() < 1e-6 {
+                return Ok(tall);
+            }
+            let h = tall.phenotypes[HEIGHT];
+            let next = (h + missing / slope).clamp(0.0, 1.0);
+            tall.phenotypes[HEIGHT] = next;
+            let still = metres - self.avatar.height_of(&tall)?;
+            slope = (missing - still) / (next - h);
+            missing = still;
+        }
+        match missing.abs() < 1e-5 {
+            true => Ok(tall),
+            false => Ok(shape.with_height(self.avatar, metres)?),
+        }
     }
 
     #[cfg(test)]
