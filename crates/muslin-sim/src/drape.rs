@@ -1,27 +1,15 @@
 //! A drape: along the body's path, then to rest, then made clean.
 
 use glam::DVec3;
-use muslin_energy::contact::Barrier;
-use muslin_geom::{
-    Surface,
-    bvh::{Bvh, face_boxes},
-};
+use muslin_geom::Surface;
 
 use crate::{
-    body::{Body, Skin},
     carry::Carrier,
+    clean,
     cloth::{Cloth, SimError, finite, same},
-    crossings,
-    matrix::Effort,
-    near::{self, Near, Neighbours},
-    newton::Problem,
-    ordered,
-    pairs::{Pair, Rule},
-    pattern::Rows,
-    quality::{self, Settled},
+    quality::Settled,
     relief::relieve_path,
-    safe,
-    touch::Touch,
+    stage::Stage,
     weave::Weave,
 };
 
@@ -82,399 +70,40 @@ pub fn drape(
         same("body frame", frame.len(), first.len())?;
         finite("body vertex", frame)?;
     }
-    let mut stage = Stage::new(
-        &weave,
-        start,
-        Surface::new(first, body_faces),
-        cloth,
-        *options,
-    );
+    let worn_on = {
+        let skin = Surface::new(first, body_faces);
+        Carrier::new(&skin, start).worn_on(&skin)
+    };
+    let room = 2.0 * options.gap + thickness_of_all(cloth);
+    let (path, relief) = relieve_path(path, body_faces, (&worn_on, AROUND), room);
+    let skin = Surface::new(&path[0], body_faces);
+    let mut stage = Stage::new(&weave, start, skin, cloth, *options);
     for _ in 0..options.first_steps {
         stage.step(0.5)?;
     }
     for frame in &path[1..] {
-        stage.carry(frame);
-        stage.step(0.5)?;
+        stage.follow(frame)?;
     }
     let converged = stage.settle()?;
+    let settled = clean::finish(stage)?;
+    let yielded = relief.deepest + settled.yielded;
     Ok(Settled {
         converged,
-        ..stage.finish()?
+        yielded,
+        ..settled
     })
 }
 
-/// A drape in the making.
-struct Stage<'a> {
-    weave: &'a Weave,
-    options: Options,
-    body: Body,
-    carrier: Carrier,
-    pins: Vec<(u32, Held)>,
-    tree: Bvh,
-    near: Neighbours,
-    /// Positions [m], velocities relative to the body [m/s].
-    x: Vec<DVec3>,
-    v: Vec<DVec3>,
-    /// Where the last step began, before the cloth was carried [m].
-    before: Vec<DVec3>,
-    /// Vertices that passed through cloth, with their neighbours.
-    tangled: Vec<bool>,
-    /// Faces that the body pokes through.
-    poked: Vec<u32>,
-    steps: usize,
+/// Skin this near to what cloth is worn on gives way too [m].
+const AROUND: f64 = 0.03;
+
+/// Thickness of two layers of each garment [m].
+fn thickness_of_all(cloth: &Cloth) -> f64 {
+    let layers = cloth.layers.iter().max().map_or(0, |l| l + 1);
+    let thick = cloth
+        .materials
+        .iter()
+        .map(|m| m.thickness)
+        .fold(0.0, f64::max);
+    2.0 * f64::from(layers) * thick
 }
-
-/// Where a pin sits in the frame of its skin [m].
-type Held = DVec3;
-
-/// Slack of the neighbour lists [m].
-const SLACK: f64 = 4e-3;
-/// Moves shorter than this are checked against the neighbour list [m].
-const SMALL_MOVE: f64 = 1.5e-3;
-
-impl<'a> Stage<'a> {
-    fn new(
-        weave: &'a Weave,
-        start: &[DVec3],
-        skin: Surface,
-        cloth: &Cloth,
-        options: Options,
-    ) -> Stage<'a> {
-        let carrier = Carrier::new(&skin, start);
-        let held = |&p: &u32| {
-            let inverse = carrier.frame(p as usize, &skin).inverse();
-            (p, inverse.transform_point3(start[p as usize]))
-        };
-        let mut stage = Stage {
-            pins: cloth.pins.iter().map(held).collect(),
-            tree: Bvh::over(&face_boxes(start, &weave.faces)),
-            body: Body::new(skin, start.len()),
-            near: Neighbours::default(),
-            x: start.to_vec(),
-            v: vec![DVec3::ZERO; start.len()],
-            before: start.to_vec(),
-            tangled: vec![false; start.len()],
-            poked: Vec::new(),
-            steps: 0,
-            weave,
-            options,
-            carrier,
-        };
-        stage.find_tangles();
-        stage
-    }
-
-    /// Takes the body to its next frame and the cloth along with it.
-    fn carry(&mut self, frame: &[DVec3]) {
-        let old = self.body.now.clone();
-        self.body.advance(frame);
-        let near = &self.weave.pattern.near;
-        let motions = self.carrier.motions(&old, &self.body.now, near);
-        self.before.clone_from(&self.x);
-        let moves = ordered::map(self.x.len(), |i| {
-            motions[i].transform_point3(self.x[i]) - self.x[i]
-        });
-        for (v, motion) in self.v.iter_mut().zip(&motions) {
-            *v = motion.transform_vector3(*v);
-        }
-        self.go(moves);
-    }
-
-    fn find_tangles(&mut self) {
-        let pairs = crossings::crossing_faces(self.weave, &mut self.tree, &self.x);
-        if std::env::var("DBG").is_ok() {
-            let p: Vec<_> = pairs
-                .iter()
-                .take(3)
-                .map(|p| self.x[self.weave.faces[p[0] as usize][0] as usize])
-                .collect();
-            eprintln!("step {} tangles {} {:?}", self.steps, pairs.len(), p);
-        }
-        self.tangled.fill(false);
-        for pair in pairs {
-            for f in pair {
-                for v in self.weave.faces[f as usize] {
-                    for &w in self.weave.pattern.near.row(v as usize) {
-                        self.tangled[w as usize] = true;
-                    }
-                }
-            }
-        }
-        self.near = Neighbours::default();
-    }
-
-    fn is_tangled(&self) -> bool {
-        self.tangled.contains(&true)
-    }
-
-    /// One time step; `keep` is the share of velocity that survives it.
-    fn step(&mut self, keep: f64) -> Result<(), SimError> {
-        if self.is_tangled() {
-            self.untangle();
-        }
-        let from = self.x.clone();
-        let mut h = self.options.step;
-        for _ in 0..5 {
-            let drift: Vec<DVec3> = self.v.iter().map(|v| *v * h).collect();
-            self.go(drift.clone());
-            if let Some(moves) = self.solve(&from, &drift, h) {
-                self.go(moves);
-                self.finish_step(&from, h, keep);
-                return Ok(());
-            }
-            self.x.clone_from(&from);
-            self.v.fill(DVec3::ZERO);
-            h *= 0.5;
-        }
-        Err(SimError::Diverged(self.steps))
-    }
-
-    fn finish_step(&mut self, from: &[DVec3], h: f64, keep: f64) {
-        let x = &self.x;
-        let raw = ordered::map(x.len(), |i| {
-            ((x[i] - from[i]) * (keep / h)).clamp_length_max(SPEED)
-        });
-        self.v = smooth(raw, &self.weave.pattern.near);
-        if std::env::var("DBG").is_ok() {
-            eprintln!(
-                "after step {} crossing {}",
-                self.steps,
-                crossings::crossing_faces(self.weave, &mut self.tree, &self.x).len()
-            );
-            self.near = Neighbours::default();
-        }
-        self.before.clone_from(&self.x);
-        self.body.stand();
-        self.steps += 1;
-    }
-
-    /// One Newton step, from where the cloth drifted to or from where it was, if that costs less.
-    fn solve(&mut self, from: &[DVec3], drift: &[DVec3], h: f64) -> Option<Vec<DVec3>> {
-        let touches = self.touches(h);
-        let rule = self.rule(h);
-        let pairs = self.pairs(&rule);
-        let problem = Problem {
-            weave: self.weave,
-            target: &from
-                .iter()
-                .zip(drift)
-                .map(|(x, d)| *x + *d)
-                .collect::<Vec<_>>(),
-            step: h,
-            gravity: self.options.gravity,
-            touches: &touches,
-            pairs: &pairs,
-            barrier: rule.barrier,
-            pins: &self.pin_targets(),
-        };
-        if problem.energy(from) < problem.energy(&self.x) {
-            self.x.copy_from_slice(from);
-        }
-        problem.descend(
-            &self.x,
-            &Effort {
-                iterations: self.options.iterations,
-                tolerance: 1e-3,
-            },
-        )
-    }
-
-    fn skin(&self, h: f64) -> Skin {
-        let barrier = Barrier {
-            radius: self.options.gap,
-            width: 1e-3,
-            stiffness: BODY_STIFFNESS,
-        };
-        Skin {
-            barrier,
-            stick: STICK * h,
-            reach: self.options.gap + 0.012,
-        }
-    }
-
-    fn touches(&mut self, h: f64) -> Vec<Touch> {
-        let skin = self.skin(h);
-        let mut touches = self
-            .body
-            .touches(self.weave, (&self.x, &self.before), &skin);
-        for &f in &self.poked {
-            for w in SAMPLES {
-                touches.extend(self.body.face_touch(self.weave, (&self.x, f, w), &skin));
-            }
-        }
-        touches
-    }
-
-    fn rule(&self, h: f64) -> Rule {
-        let radius = self.weave.radius;
-        let barrier = Barrier {
-            radius,
-            width: 0.5 * radius,
-            stiffness: CLOTH_STIFFNESS,
-        };
-        let friction = self.weave.friction.iter().copied().fold(0.0, f64::max);
-        Rule {
-            barrier,
-            friction,
-            stick: STICK * h,
-        }
-    }
-
-    fn pairs(&mut self, rule: &Rule) -> Vec<Pair> {
-        self.look_around(rule.barrier.radius);
-        let (list, x) = (&self.near.list, &self.x);
-        let found = ordered::map(list.len(), |k| Pair::at(&list[k], x, rule));
-        found.into_iter().flatten().collect()
-    }
-
-    fn pin_targets(&self) -> Vec<(u32, DVec3)> {
-        let at = |&(p, held): &(u32, Held)| {
-            (
-                p,
-                self.carrier
-                    .frame(p as usize, &self.body.now)
-                    .transform_point3(held),
-            )
-        };
-        self.pins.iter().map(at).collect()
-    }
-
-    /// Makes the neighbour list hold every pair that is, or may come, within `distance` [m].
-    fn look_around(&mut self, distance: f64) {
-        if self.near.covers(&self.x, distance) {
-            return;
-        }
-        let reach = self.weave.radius + SLACK;
-        self.near = Neighbours::find(self.weave, &mut self.tree, &self.x, reach);
-        let list = std::mem::take(&mut self.near.list);
-        self.near.list = list.into_iter().filter(|n| self.is_free(n)).collect();
-    }
-
-    /// Moves the cloth along `moves` [m], as far as it can go without passing through itself.
-    fn go(&mut self, mut moves: Vec<DVec3>) {
-        let longest = moves.iter().map(|m| m.length()).fold(0.0, f64::max);
-        if longest < SMALL_MOVE {
-            self.look_around(2.0 * longest);
-            safe::slow_down(&self.near.list, &self.x, &mut moves);
-        } else {
-            let mut pairs = near::on_the_way(self.weave, &mut self.tree, (&self.x, &moves));
-            pairs.retain(|n| self.is_free(n));
-            safe::slow_down(&pairs, &self.x, &mut moves);
-        }
-        self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
-    }
-
-    fn is_free(&self, near: &Near) -> bool {
-        !near.verts.iter().any(|v| self.tangled[*v as usize])
-    }
-
-    /// Shortens crossing lines a little, and looks again.
-    fn untangle(&mut self) {
-        let pairs = crossings::crossing_faces(self.weave, &mut self.tree, &self.x);
-        let found = crossings::piercings(self.weave, &self.x, &pairs);
-        let moves = crossings::way_back(self.weave, &self.x, &found, 1e-3);
-        self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
-        self.find_tangles();
-    }
-
-    /// Steps until the cloth rests or the steps run out; says which.
-    fn settle(&mut self) -> Result<bool, SimError> {
-        let mut calm = 0;
-        for k in 0..self.options.last_steps {
-            let late = k as f64 / self.options.last_steps as f64;
-            self.step(self.options.keep * (1.0 - 0.5 * late * late))?;
-            calm = if self.speed() < self.options.still {
-                calm + 1
-            } else {
-                0
-            };
-            if calm >= 3 && !self.is_tangled() {
-                return Ok(true);
-            }
-        }
-        Ok(false)
-    }
-
-    /// Speed below which 99 % of the vertices are [m/s].
-    fn speed(&self) -> f64 {
-        let mut speeds: Vec<f64> = self.v.iter().map(|v| v.length()).collect();
-        quality::percentile(&mut speeds, 0.99)
-    }
-
-    /// Removes what the body still pokes through the cloth, and measures.
-    fn finish(mut self) -> Result<Settled, SimError> {
-        let speed_p99 = self.speed();
-        for _ in 0..CLEANINGS {
-            let hits = quality::body_intersections(self.weave, &self.x, &self.body.now);
-            if hits.is_empty() && !self.is_tangled() {
-                break;
-            }
-            self.lift(&hits);
-            for _ in 0..2 {
-                self.v.fill(DVec3::ZERO);
-                self.step(0.0)?;
-            }
-        }
-        let crossing = crossings::crossing_faces(self.weave, &mut self.tree, &self.x).len();
-        let measured = Settled::measure(self.weave, self.x, &self.body.now, crossing);
-        Ok(Settled {
-            steps: self.steps,
-            speed_p99,
-            ..measured
-        })
-    }
-
-    /// Keeps cloth farther away where the body pokes through it.
-    fn lift(&mut self, hits: &[[u32; 2]]) {
-        let mut faces: Vec<u32> = hits.iter().map(|h| h[0]).collect();
-        faces.dedup();
-        for &f in &faces {
-            for v in self.weave.faces[f as usize] {
-                let extra = &mut self.body.extra[v as usize];
-                *extra = (*extra + LIFT).min(MOST_LIFT);
-            }
-        }
-        self.poked.extend(faces);
-        self.poked.sort_unstable();
-        self.poked.dedup();
-        self.body.forget();
-    }
-}
-
-/// Stiffness of skin [N/m] per touching vertex.
-const BODY_STIFFNESS: f64 = 400.0;
-/// Stiffness of cloth against cloth [N/m] per touching pair.
-const CLOTH_STIFFNESS: f64 = 150.0;
-/// Speed below which cloth sticks [m/s].
-const STICK: f64 = 2e-3;
-/// No vertex starts a step faster than this [m/s].
-const SPEED: f64 = 0.4;
-/// Rounds of cleaning at the end.
-const CLEANINGS: usize = 12;
-/// What a round adds to the distance kept from the skin, and the most it may add up to [m].
-const LIFT: f64 = 0.7e-3;
-const MOST_LIFT: f64 = 8e-3;
-/// Points of a poked face that touch as well: its middle and the middles of its edges.
-const SAMPLES: [[f64; 3]; 4] = [
-    [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
-    [0.5, 0.5, 0.0],
-    [0.0, 0.5, 0.5],
-    [0.5, 0.0, 0.5],
-];
-
-/// The mean of each velocity and its neighbours', a few times over.
-///
-/// Stands for the air and the rubbing yarns, which calm a ripple far sooner than a swing; and it
-/// takes out what one Newton step leaves unsolved between neighbours.
-fn smooth(mut v: Vec<DVec3>, near: &Rows) -> Vec<DVec3> {
-    for _ in 0..SMOOTHINGS {
-        let mean = |i: usize| {
-            let row = near.row(i);
-            row.iter().map(|&j| v[j as usize]).sum::<DVec3>() / row.len() as f64
-        };
-        v = ordered::map(v.len(), mean);
-    }
-    v
-}
-
-const SMOOTHINGS: usize = 3;

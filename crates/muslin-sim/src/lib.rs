@@ -15,6 +15,7 @@
 mod bending;
 mod body;
 mod carry;
+mod clean;
 mod cloth;
 mod crossings;
 mod drape;
@@ -28,6 +29,7 @@ mod pattern;
 mod quality;
 mod relief;
 mod safe;
+mod stage;
 mod touch;
 mod weave;
 

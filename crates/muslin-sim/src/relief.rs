@@ -8,7 +8,10 @@
 use glam::DVec3;
 use muslin_geom::{Aabb, Bvh, Surface, closest::Crossing};
 
-use crate::{ordered, pattern::Pattern};
+use crate::{
+    ordered,
+    pattern::{Pattern, Rows},
+};
 
 /// A body with room for cloth.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,9 +29,13 @@ pub struct Relief {
 /// Rounds of drawing back; each sees where the last one led.
 const ROUNDS: usize = 4;
 /// Largest share of a part's thickness that yields on one side.
-const YIELD: f64 = 0.4;
+const YIELD: f64 = 0.35;
+/// Parts thinner than this, as a hand, do not yield: what they press on does [m].
+const THIN: f64 = 0.05;
 /// How far a part is looked for [m].
 const FAR: f64 = 0.35;
+/// Deeper than this no flesh yields [m].
+const DEEPEST: f64 = 0.08;
 /// Skin that was this near at rest is one fold, not two parts [m].
 const SAME: f64 = 0.025;
 /// Rounds of spreading a dent, and what is left of it from one vertex to the next.
@@ -154,100 +161,142 @@ impl<'a> Flesh<'a> {
     fn need(&self, i: usize, gap: f64) -> Need {
         let normal = self.now.vertex_normals()[i];
         let start = self.now.verts()[i];
-        let out = start + normal * 1e-4;
-        let inside = self.now.winding(out) > 0;
-        let other = if inside {
+        let ahead = self.first(i, start, normal * FAR, |_| true);
+        // Whoever leaves another part by going outward from his own skin is inside it.
+        let inside = ahead.is_some_and(|c| c.leaves);
+        let (face, depth) = if inside {
             // The other part's skin lies behind: leave it by going back through it.
-            self.first(i, start, normal * -FAR, |c| c.leaves)
-                .map(|(f, d)| (f, d + gap))
+            match self.first(i, start, normal * -FAR, |c| c.leaves) {
+                Some(c) => (c.face, c.at * FAR + gap),
+                None => return Need { depth: 0.0, inside },
+            }
         } else {
-            let ahead = self.first(i, out, normal * gap, |c| !c.leaves);
-            ahead.map(|(f, d)| (f, gap - d))
+            match ahead {
+                Some(c) => (c.face, gap - c.at * FAR),
+                None => return Need::default(),
+            }
         };
-        let Some((face, depth)) = other else {
+        if depth <= 0.0 || depth > DEEPEST {
             return Need { depth: 0.0, inside };
-        };
+        }
         let mine = self.thickness(i);
         let theirs = self.now.faces()[face as usize].map(|v| self.thickness(v as usize));
         let theirs = theirs.into_iter().fold(0.0, f64::max);
-        let share = mine / (mine + theirs).max(1e-6);
         let room = (YIELD * mine - self.drawn[i]).max(0.0);
         Need {
-            depth: (depth * share).min(room),
+            depth: (depth * share(mine, theirs)).min(room),
             inside,
         }
     }
 
-    /// The first crossing of another part on the way `d` from `p`, and how far it is [m].
+    /// The first crossing of another part on the way `d` [m] from `p`.
     fn first(
         &self,
         i: usize,
         p: DVec3,
         d: DVec3,
         counts: impl Fn(&Crossing) -> bool,
-    ) -> Option<(u32, f64)> {
-        let mut best: Option<(f64, u32)> = None;
+    ) -> Option<Crossing> {
+        let mut best: Option<Crossing> = None;
         self.now.along(p, d, |c| {
             let apart = || {
                 let f = self.now.faces()[c.face as usize];
                 f.iter()
                     .all(|&v| self.rest[v as usize].distance(self.rest[i]) > SAME)
             };
-            if counts(&c) && best.is_none_or(|b| c.at < b.0) && apart() {
-                best = Some((c.at, c.face));
+            if counts(&c) && best.is_none_or(|b| c.at < b.at) && apart() {
+                best = Some(c);
             }
         });
-        best.map(|(at, face)| (face, at * d.length()))
+        best
     }
 
-    /// How thick the body is behind a vertex at rest [m].
     fn thickness(&self, i: usize) -> f64 {
-        let d = self.whole.vertex_normals()[i] * -FAR;
-        let mut best = 1.0f64;
-        let start = self.rest[i] + d * 1e-3;
-        self.whole.along(start, d, |c| {
-            if c.leaves {
-                best = best.min(c.at);
-            }
-        });
-        best * FAR
+        thickness(&self.whole, i)
     }
 
     /// Moves the skin back by what it needs, and its surroundings along.
     fn draw_back(&mut self, needs: &[Need], wanted: &[bool]) {
-        let near = &self.pattern.near;
-        let mut depth: Vec<f64> = needs.iter().map(|n| n.depth).collect();
-        for _ in 0..SPREAD {
-            depth = ordered::map(depth.len(), |i| {
-                let row = near.row(i);
-                let mean = row.iter().map(|&j| depth[j as usize]).sum::<f64>() / row.len() as f64;
-                if wanted[i] {
-                    needs[i].depth.max(FADE * mean)
-                } else {
-                    0.0
-                }
-            });
-        }
-        let normals = self.smooth_normals();
-        let verts = ordered::map(depth.len(), |i| self.now.verts()[i] - normals[i] * depth[i]);
-        self.drawn.iter_mut().zip(&depth).for_each(|(a, d)| *a += d);
+        let depth: Vec<f64> = needs.iter().map(|n| n.depth).collect();
+        let verts = dented(&self.now, &self.pattern.near, depth, |i| wanted[i]);
+        let moved = self
+            .now
+            .verts()
+            .iter()
+            .zip(&verts)
+            .map(|(a, b)| a.distance(*b));
+        self.drawn
+            .iter_mut()
+            .zip(moved)
+            .for_each(|(drawn, m)| *drawn += m);
         self.now.refit(&verts);
     }
+}
 
-    /// Normals averaged over two rings, so that neighbours draw back side by side.
-    fn smooth_normals(&self) -> Vec<DVec3> {
-        let mut normals = self.now.vertex_normals().to_vec();
-        for _ in 0..2 {
-            normals = ordered::map(normals.len(), |i| {
-                let row = self.pattern.near.row(i);
-                row.iter()
-                    .map(|&j| normals[j as usize])
-                    .sum::<DVec3>()
-                    .normalize_or_zero()
-            });
-        }
-        normals
+/// The skin drawn back by at least `depth` [m], its surroundings smoothly along.
+pub(crate) fn dented(
+    skin: &Surface,
+    near: &Rows,
+    depth: Vec<f64>,
+    may_move: impl Fn(usize) -> bool + Sync + Send,
+) -> Vec<DVec3> {
+    let mut all = depth.clone();
+    for _ in 0..SPREAD {
+        all = ordered::map(depth.len(), |i| {
+            let row = near.row(i);
+            let mean = row.iter().map(|&j| all[j as usize]).sum::<f64>() / row.len() as f64;
+            if may_move(i) {
+                depth[i].max(FADE * mean)
+            } else {
+                0.0
+            }
+        });
     }
+    let normals = smooth_normals(skin, near);
+    ordered::map(all.len(), |i| skin.verts()[i] - normals[i] * all[i])
+}
+
+/// What part of the room the flesh on this side gives, by the thickness of both [m].
+fn share(mine: f64, theirs: f64) -> f64 {
+    if mine < THIN {
+        0.0
+    } else if theirs < THIN {
+        1.0
+    } else {
+        mine / (mine + theirs)
+    }
+}
+
+/// How thick the body is behind a vertex [m].
+fn thickness(skin: &Surface, i: usize) -> f64 {
+    let d = skin.vertex_normals()[i] * -FAR;
+    let mut best = 1.0f64;
+    skin.along(skin.verts()[i] + d * 1e-3, d, |c| {
+        if c.leaves {
+            best = best.min(c.at);
+        }
+    });
+    best * FAR
+}
+
+/// Whether there is flesh behind a vertex that can yield.
+pub(crate) fn is_soft(skin: &Surface, i: usize) -> bool {
+    thickness(skin, i) >= THIN
+}
+
+/// Normals averaged over two rings, so that neighbours draw back side by side.
+fn smooth_normals(skin: &Surface, near: &Rows) -> Vec<DVec3> {
+    let mut normals = skin.vertex_normals().to_vec();
+    for _ in 0..2 {
+        normals = ordered::map(normals.len(), |i| {
+            let row = near.row(i);
+            row.iter()
+                .map(|&j| normals[j as usize])
+                .sum::<DVec3>()
+                .normalize_or_zero()
+        });
+    }
+    normals
 }
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! The safe step: how far each vertex may go so that cloth does not pass through cloth.
 //!
 //! Every near pair is followed along its own relative motion. Where a pair would come too close,
-//! its four vertices are slowed, and all pairs are followed again with the slower motion, until
-//! none objects. Slowing few vertices instead of the whole cloth keeps the rest moving.
+//! its four vertices are led towards what they do in common, which never brings them together;
+//! then all pairs are followed again, until none objects. Pairs that keep objecting grow into
+//! zones that move as one (the impact zones of Provot 1997, without their rotation).
 
 use glam::DVec3;
 use muslin_geom::ccd;
@@ -12,29 +13,99 @@ use crate::{near::Near, ordered::CHUNK};
 
 /// Share of its distance that every pair keeps.
 const KEEP: f64 = 0.2;
-/// Rounds of slowing; after half of them whoever objects stands still.
-const ROUNDS: usize = 12;
+/// Rounds of leading together, then of growing zones; then all cloth moves as one.
+const LED: usize = 6;
+const ZONES: usize = 40;
 
-/// Shortens `moves` [m] from `x` [m] until no pair passes through itself.
-pub(crate) fn slow_down(pairs: &[Near], x: &[DVec3], moves: &mut [DVec3]) {
+/// Changes `moves` [m] from `x` [m] until no pair passes through itself; says whether it had to.
+pub(crate) fn make_safe(pairs: &[Near], x: &[DVec3], moves: &mut [DVec3]) -> bool {
+    let mut zones = Zones::new(x.len());
     for round in 0.. {
-        let slow = objections(pairs, x, moves);
-        if slow.is_empty() {
-            return;
+        let objections = objections(pairs, x, moves);
+        if objections.is_empty() {
+            return round > 0;
         }
-        let mut share = vec![1.0f64; x.len()];
-        for (k, t) in slow {
-            let t = if round < ROUNDS / 2 { t } else { 0.0 };
-            for v in pairs[k].verts {
-                share[v as usize] = share[v as usize].min(t);
+        if round < LED {
+            lead(pairs, &objections, moves);
+        } else if round < LED + ZONES {
+            for (k, _) in objections {
+                zones.join(pairs[k].verts);
+            }
+            zones.move_as_one(moves);
+        } else {
+            let mean = moves.iter().sum::<DVec3>() / moves.len() as f64;
+            moves.fill(mean);
+            return true;
+        }
+    }
+    true
+}
+
+/// Leads the vertices of objecting pairs towards their pair's mean move.
+fn lead(pairs: &[Near], objections: &[(usize, f64)], moves: &mut [DVec3]) {
+    let mut share = vec![1.0f64; moves.len()];
+    let mut common = vec![(DVec3::ZERO, 0.0); moves.len()];
+    for &(k, t) in objections {
+        let mean = pairs[k]
+            .verts
+            .iter()
+            .map(|&v| moves[v as usize])
+            .sum::<DVec3>()
+            * 0.25;
+        for v in pairs[k].verts {
+            let v = v as usize;
+            share[v] = share[v].min(t);
+            common[v] = (common[v].0 + mean, common[v].1 + 1.0);
+        }
+    }
+    for ((m, t), (sum, n)) in moves.iter_mut().zip(share).zip(common) {
+        if n > 0.0 {
+            *m = (sum / n).lerp(*m, t);
+        }
+    }
+}
+
+/// Sets of vertices that move as one.
+struct Zones {
+    parent: Vec<u32>,
+}
+
+impl Zones {
+    fn new(n: usize) -> Zones {
+        Zones {
+            parent: (0..n as u32).collect(),
+        }
+    }
+
+    fn find(&mut self, mut v: u32) -> u32 {
+        while self.parent[v as usize] != v {
+            let up = self.parent[self.parent[v as usize] as usize];
+            self.parent[v as usize] = up;
+            v = up;
+        }
+        v
+    }
+
+    fn join(&mut self, verts: [u32; 4]) {
+        let roots = verts.map(|v| self.find(v));
+        let least = roots.into_iter().min().expect("there are four");
+        roots
+            .into_iter()
+            .for_each(|r| self.parent[r as usize] = least);
+    }
+
+    fn move_as_one(&mut self, moves: &mut [DVec3]) {
+        let mut sums = vec![(DVec3::ZERO, 0.0); moves.len()];
+        for v in 0..moves.len() {
+            let sum = &mut sums[self.find(v as u32) as usize];
+            *sum = (sum.0 + moves[v], sum.1 + 1.0);
+        }
+        for v in 0..moves.len() {
+            let (sum, n) = sums[self.find(v as u32) as usize];
+            if n > 1.0 {
+                moves[v] = sum / n;
             }
         }
-        // Standing still is always safe, so that the last word ends the discussion.
-        let stop = round >= ROUNDS;
-        moves
-            .iter_mut()
-            .zip(share)
-            .for_each(|(m, s)| *m *= if stop { 0.0 } else { s });
     }
 }
 
@@ -59,5 +130,29 @@ fn share(pair: &Near, x: &[DVec3], moves: &[DVec3]) -> f64 {
         ccd::edge_edge(&at, &by, KEEP)
     } else {
         ccd::vertex_triangle(&at, &by, KEEP)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_blocked_vertex_still_goes_where_everybody_goes() {
+        let x = [
+            DVec3::Y * 0.01,
+            DVec3::X,
+            DVec3::Z,
+            DVec3::new(-1.0, 0.0, -1.0),
+        ];
+        let wind = DVec3::X * 3.0;
+        let mut moves = [wind - DVec3::Y * 0.05, wind, wind, wind];
+        let pair = Near {
+            verts: [0, 1, 2, 3],
+            is_edges: false,
+        };
+        assert!(make_safe(&[pair], &x, &mut moves));
+        assert!(moves.iter().all(|m| (m.x - 3.0).abs() < 1e-9), "{moves:?}");
+        assert!(moves[0].y - moves[1].y > -0.01);
     }
 }

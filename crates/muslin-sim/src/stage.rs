@@ -1,0 +1,396 @@
+//! One step after another: the cloth, the body it meets, and what is known about both.
+
+use glam::DVec3;
+use muslin_energy::contact::Barrier;
+use muslin_geom::{
+    Aabb, Surface,
+    bvh::{Bvh, face_boxes},
+};
+
+use crate::{
+    body::{Body, Skin},
+    carry::Carrier,
+    cloth::{Cloth, SimError},
+    crossings,
+    drape::Options,
+    matrix::Effort,
+    near::{self, Near, Neighbours},
+    newton::Problem,
+    ordered,
+    pairs::{Pair, Rule},
+    pattern::Rows,
+    quality, safe,
+    touch::Touch,
+    weave::Weave,
+};
+
+/// A drape in the making.
+pub(crate) struct Stage<'a> {
+    pub weave: &'a Weave,
+    options: Options,
+    pub body: Body,
+    carrier: Carrier,
+    pins: Vec<(u32, Held)>,
+    pub tree: Bvh,
+    near: Neighbours,
+    /// Positions [m], velocities relative to the body [m/s].
+    pub x: Vec<DVec3>,
+    pub v: Vec<DVec3>,
+    /// Where the last step began, before the cloth was carried [m].
+    before: Vec<DVec3>,
+    /// Vertices of faces that passed through cloth.
+    tangled: Vec<bool>,
+    /// Faces that the body pokes through.
+    pub poked: Vec<u32>,
+    pub steps: usize,
+}
+
+/// Where a pin sits in the frame of its skin [m].
+type Held = DVec3;
+
+/// Slack of the neighbour lists [m].
+const SLACK: f64 = 4e-3;
+/// Skin this close to cloth must not jump [m].
+const NEARBY: f64 = 0.025;
+/// Most that skin may move past nearby cloth in one piece of its way [m].
+const FASTEST: f64 = 0.012;
+/// Most pieces that a step of the path is cut into.
+const PIECES: usize = 4;
+/// Looks at a move that keeps changing.
+const LOOKS: usize = 3;
+/// Moves shorter than this are checked against the neighbour list [m].
+const SMALL_MOVE: f64 = 1.5e-3;
+
+impl<'a> Stage<'a> {
+    pub fn new(
+        weave: &'a Weave,
+        start: &[DVec3],
+        skin: Surface,
+        cloth: &Cloth,
+        options: Options,
+    ) -> Stage<'a> {
+        let carrier = Carrier::new(&skin, start);
+        let held = |&p: &u32| {
+            let inverse = carrier.frame(p as usize, &skin).inverse();
+            (p, inverse.transform_point3(start[p as usize]))
+        };
+        let mut stage = Stage {
+            pins: cloth.pins.iter().map(held).collect(),
+            tree: Bvh::over(&face_boxes(start, &weave.faces)),
+            body: Body::new(skin, start.len()),
+            near: Neighbours::default(),
+            x: start.to_vec(),
+            v: vec![DVec3::ZERO; start.len()],
+            before: start.to_vec(),
+            tangled: vec![false; start.len()],
+            poked: Vec::new(),
+            steps: 0,
+            weave,
+            options,
+            carrier,
+        };
+        stage.find_tangles();
+        stage
+    }
+
+    /// Takes the body to its next frame, in pieces so small that no skin jumps over cloth.
+    pub fn follow(&mut self, frame: &[DVec3]) -> Result<(), SimError> {
+        let from = self.body.now.verts().to_vec();
+        let pieces = self.pieces(frame);
+        for k in 1..=pieces {
+            let t = k as f64 / pieces as f64;
+            let between = from
+                .iter()
+                .zip(frame)
+                .map(|(a, b)| a.lerp(*b, t))
+                .collect::<Vec<_>>();
+            self.carry(&between);
+            self.step(0.5)?;
+        }
+        Ok(())
+    }
+
+    /// Into how many pieces the body's way to `frame` must be cut.
+    fn pieces(&mut self, frame: &[DVec3]) -> usize {
+        let mut after = self.body.now.clone();
+        after.refit(frame);
+        let motions = self
+            .carrier
+            .motions(&self.body.now, &after, &self.weave.pattern.near);
+        self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
+        let skin = self.body.now.verts();
+        let fastest = ordered::map(skin.len(), |i| {
+            let around = Aabb::of(&[skin[i]]).grown(NEARBY);
+            let mut most = 0.0f64;
+            self.tree.near(&around, |f| {
+                let v = self.weave.faces[f as usize][0] as usize;
+                let cloth = motions[v].transform_point3(self.x[v]) - self.x[v];
+                most = most.max(cloth.distance(frame[i] - skin[i]));
+            });
+            most
+        });
+        let fastest = fastest.into_iter().fold(0.0, f64::max);
+        ((fastest / FASTEST).ceil() as usize).clamp(1, PIECES)
+    }
+
+    /// Takes the body to `frame` and the cloth along with it.
+    fn carry(&mut self, frame: &[DVec3]) {
+        let old = self.body.now.clone();
+        self.body.advance(frame);
+        let near = &self.weave.pattern.near;
+        let motions = self.carrier.motions(&old, &self.body.now, near);
+        self.before.clone_from(&self.x);
+        let moves = ordered::map(self.x.len(), |i| {
+            motions[i].transform_point3(self.x[i]) - self.x[i]
+        });
+        for (v, motion) in self.v.iter_mut().zip(&motions) {
+            *v = motion.transform_vector3(*v);
+        }
+        self.go(moves);
+    }
+
+    pub fn find_tangles(&mut self) {
+        let pairs = crossings::crossing_faces(self.weave, &mut self.tree, &self.x);
+        self.tangled.fill(false);
+        for v in pairs
+            .iter()
+            .flatten()
+            .flat_map(|f| self.weave.faces[*f as usize])
+        {
+            self.tangled[v as usize] = true;
+        }
+        self.near = Neighbours::default();
+    }
+
+    pub fn is_tangled(&self) -> bool {
+        self.tangled.contains(&true)
+    }
+
+    /// One time step; `keep` is the share of velocity that survives it.
+    pub fn step(&mut self, keep: f64) -> Result<(), SimError> {
+        if self.is_tangled() {
+            self.untangle();
+        }
+        let from = self.x.clone();
+        let mut h = self.options.step;
+        for _ in 0..5 {
+            let drift: Vec<DVec3> = self.v.iter().map(|v| *v * h).collect();
+            self.go(drift.clone());
+            if let Some(moves) = self.solve(&from, &drift, h) {
+                self.go(moves);
+                self.finish_step(&from, h, keep);
+                return Ok(());
+            }
+            self.x.clone_from(&from);
+            self.v.fill(DVec3::ZERO);
+            h *= 0.5;
+        }
+        Err(SimError::Diverged(self.steps))
+    }
+
+    fn finish_step(&mut self, from: &[DVec3], h: f64, keep: f64) {
+        let x = &self.x;
+        let raw = ordered::map(x.len(), |i| {
+            ((x[i] - from[i]) * (keep / h)).clamp_length_max(SPEED)
+        });
+        self.v = smooth(raw, &self.weave.pattern.near);
+        self.before.clone_from(&self.x);
+        self.body.stand();
+        self.steps += 1;
+    }
+
+    /// One Newton step, from where the cloth drifted to or from where it was, if that costs less.
+    fn solve(&mut self, from: &[DVec3], drift: &[DVec3], h: f64) -> Option<Vec<DVec3>> {
+        let touches = self.touches(h);
+        let rule = self.rule(h);
+        let pairs = self.pairs(&rule);
+        let problem = Problem {
+            weave: self.weave,
+            target: &from
+                .iter()
+                .zip(drift)
+                .map(|(x, d)| *x + *d)
+                .collect::<Vec<_>>(),
+            step: h,
+            gravity: self.options.gravity,
+            touches: &touches,
+            pairs: &pairs,
+            barrier: rule.barrier,
+            pins: &self.pin_targets(),
+        };
+        if problem.energy(from) < problem.energy(&self.x) {
+            self.x.copy_from_slice(from);
+        }
+        problem.descend(
+            &self.x,
+            &Effort {
+                iterations: self.options.iterations,
+                tolerance: 1e-3,
+            },
+        )
+    }
+
+    fn skin(&self, h: f64) -> Skin {
+        let barrier = Barrier {
+            radius: self.options.gap,
+            width: 1e-3,
+            stiffness: BODY_STIFFNESS,
+        };
+        Skin {
+            barrier,
+            stick: STICK * h,
+            reach: self.options.gap + 0.012,
+        }
+    }
+
+    fn touches(&mut self, h: f64) -> Vec<Touch> {
+        let skin = self.skin(h);
+        let mut touches = self
+            .body
+            .touches(self.weave, (&self.x, &self.before), &skin);
+        for &f in &self.poked {
+            for w in SAMPLES {
+                touches.extend(self.body.face_touch(self.weave, (&self.x, f, w), &skin));
+            }
+        }
+        touches
+    }
+
+    fn rule(&self, h: f64) -> Rule {
+        let radius = self.weave.radius;
+        let barrier = Barrier {
+            radius,
+            width: 0.5 * radius,
+            stiffness: CLOTH_STIFFNESS,
+        };
+        let friction = self.weave.friction.iter().copied().fold(0.0, f64::max);
+        Rule {
+            barrier,
+            friction,
+            stick: STICK * h,
+        }
+    }
+
+    fn pairs(&mut self, rule: &Rule) -> Vec<Pair> {
+        self.look_around(rule.barrier.radius);
+        let (list, x) = (&self.near.list, &self.x);
+        let found = ordered::map(list.len(), |k| Pair::at(&list[k], x, rule));
+        found.into_iter().flatten().collect()
+    }
+
+    fn pin_targets(&self) -> Vec<(u32, DVec3)> {
+        let at = |&(p, held): &(u32, Held)| {
+            (
+                p,
+                self.carrier
+                    .frame(p as usize, &self.body.now)
+                    .transform_point3(held),
+            )
+        };
+        self.pins.iter().map(at).collect()
+    }
+
+    /// Makes the neighbour list hold every pair that is, or may come, within `distance` [m].
+    fn look_around(&mut self, distance: f64) {
+        if self.near.covers(&self.x, distance) {
+            return;
+        }
+        let reach = self.weave.radius + SLACK;
+        self.near = Neighbours::find(self.weave, &mut self.tree, &self.x, reach);
+        let list = std::mem::take(&mut self.near.list);
+        self.near.list = list.into_iter().filter(|n| self.is_free(n)).collect();
+    }
+
+    /// Moves the cloth along `moves` [m], as far as it can go without passing through itself.
+    fn go(&mut self, mut moves: Vec<DVec3>) {
+        let longest = moves.iter().map(|m| m.length()).fold(0.0, f64::max);
+        if longest < SMALL_MOVE {
+            self.look_around(2.0 * longest);
+            safe::make_safe(&self.near.list, &self.x, &mut moves);
+        } else {
+            self.go_far(&mut moves);
+        }
+        self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
+    }
+
+    /// A changed move may lead to other pairs than those looked at, so it is looked at again.
+    fn go_far(&mut self, moves: &mut [DVec3]) {
+        for _ in 0..LOOKS {
+            let mut pairs = near::on_the_way(self.weave, &mut self.tree, (&self.x, moves));
+            pairs.retain(|n| self.is_free(n));
+            if !safe::make_safe(&pairs, &self.x, moves) {
+                return;
+            }
+        }
+    }
+
+    fn is_free(&self, near: &Near) -> bool {
+        !near.verts.iter().all(|v| self.tangled[*v as usize])
+    }
+
+    /// Shortens crossing lines a little, and looks again.
+    fn untangle(&mut self) {
+        let pairs = crossings::crossing_faces(self.weave, &mut self.tree, &self.x);
+        let found = crossings::piercings(self.weave, &self.x, &pairs);
+        let moves = crossings::way_back(self.weave, &self.x, &found, 1e-3);
+        self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
+        self.find_tangles();
+    }
+
+    /// Steps until the cloth rests or the steps run out; says which.
+    pub fn settle(&mut self) -> Result<bool, SimError> {
+        let mut calm = 0;
+        for k in 0..self.options.last_steps {
+            let late = k as f64 / self.options.last_steps as f64;
+            self.step(self.options.keep * (1.0 - 0.5 * late * late))?;
+            calm = if self.speed() < self.options.still {
+                calm + 1
+            } else {
+                0
+            };
+            if calm >= 3 && !self.is_tangled() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Speed below which 99 % of the vertices are [m/s].
+    pub fn speed(&self) -> f64 {
+        let mut speeds: Vec<f64> = self.v.iter().map(|v| v.length()).collect();
+        quality::percentile(&mut speeds, 0.99)
+    }
+}
+
+/// Stiffness of skin [N/m] per touching vertex.
+const BODY_STIFFNESS: f64 = 400.0;
+/// Stiffness of cloth against cloth [N/m] per touching pair.
+const CLOTH_STIFFNESS: f64 = 150.0;
+/// Speed below which cloth sticks [m/s].
+const STICK: f64 = 2e-3;
+/// No vertex starts a step faster than this [m/s].
+const SPEED: f64 = 0.4;
+/// Points of a poked face that touch as well: its middle and the middles of its edges.
+const SAMPLES: [[f64; 3]; 4] = [
+    [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
+    [0.5, 0.5, 0.0],
+    [0.0, 0.5, 0.5],
+    [0.5, 0.0, 0.5],
+];
+
+/// The mean of each velocity and its neighbours', a few times over.
+///
+/// Stands for the air and the rubbing yarns, which calm a ripple far sooner than a swing; and it
+/// takes out what one Newton step leaves unsolved between neighbours.
+fn smooth(mut v: Vec<DVec3>, near: &Rows) -> Vec<DVec3> {
+    for _ in 0..SMOOTHINGS {
+        let mean = |i: usize| {
+            let row = near.row(i);
+            row.iter().map(|&j| v[j as usize]).sum::<DVec3>() / row.len() as f64
+        };
+        v = ordered::map(v.len(), mean);
+    }
+    v
+}
+
+const SMOOTHINGS: usize = 3;
