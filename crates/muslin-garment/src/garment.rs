@@ -55,7 +55,7 @@ pub struct Worn {
 }
 
 /// Slides of a new mesh over its form.
-const SETTLE: usize = 40;
+const SETTLE: usize = 30;
 
 /// Slides of a finished mesh over the form of a body.
 const SETTLE_AGAIN: usize = 30;

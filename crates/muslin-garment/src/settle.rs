@@ -24,6 +24,9 @@ pub(crate) enum Track {
     Free,
 }
 
+/// How many times as long as asked cloth is slid where it stays squeezed.
+const PARTS: usize = 6;
+
 impl Net {
     pub fn new(faces: Vec<[u32; 3]>, n_verts: usize) -> Net {
         let mut neighbours = vec![Vec::new(); n_verts];
@@ -67,18 +70,21 @@ impl Net {
 
     /// Slides `x` [m] over `form` until the triangles are even, `times` times.
     ///
-    /// Where a fold of the body squeezed them it goes on, up to eight times as long.
+    /// Where a fold of the body squeezed them it goes on as long as that helps.
     /// `tracks` has one entry per loop.
     pub fn settle(&self, form: &Form, x: &mut [DVec3], tracks: &[Track], times: usize) {
         let mut near = vec![Near::default(); x.len()];
-        for part in 0..8 {
+        let mut squeezed = usize::MAX;
+        for part in 0..PARTS {
             for round in 0..times {
                 let steps = if part + round < 2 { 8 } else { 1 };
                 self.round(form, x, tracks, &mut near, (0.8, steps));
             }
-            if self.squeezed(x) <= 2 {
+            let now = self.squeezed(x);
+            if now <= self.faces.len() / 1500 || now >= squeezed {
                 break;
             }
+            squeezed = now;
         }
         for _ in 0..3 {
             self.round(form, x, tracks, &mut near, (0.0, 8));

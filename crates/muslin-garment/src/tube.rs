@@ -214,13 +214,9 @@ impl Tube {
         let i = (s as usize).min(self.len() - 2);
         let f = s - i as f64;
         let (lo, hi) = (&self.reach[i], &self.reach[i + 1]);
-        let (mut best, mut at) = (f64::MIN, 0);
-        for (k, d) in directions().iter().enumerate() {
-            let value = u * d[0] + w * d[1] - (lo[k] + (hi[k] - lo[k]) * f);
-            if value > best {
-                (best, at) = (value, k);
-            }
-        }
+        let table = directions();
+        let value = |k: usize| u * table[k][0] + w * table[k][1] - (lo[k] + (hi[k] - lo[k]) * f);
+        let (at, best) = highest(towards(u, w), value);
         let inside = s > 0.0 && s < (self.len() - 1) as f64;
         let slope = if inside {
             (hi[at] - lo[at]) / self.step
@@ -232,6 +228,30 @@ impl Tube {
         let steep = (1.0 + slope * slope).sqrt();
         (best / steep, g / steep)
     }
+}
+
+/// The direction that points most nearly to `(u, w)`.
+fn towards(u: f64, w: f64) -> usize {
+    let turns = w.atan2(u) / TAU + 1.0;
+    (turns * DIRS as f64).round() as usize % DIRS
+}
+
+/// The direction where `value` is highest, climbing from a window around `start`.
+fn highest(start: usize, value: impl Fn(usize) -> f64) -> (usize, f64) {
+    const WINDOW: usize = 5;
+    let mut best = (start, value(start));
+    for sense in [1, DIRS - 1] {
+        let (mut k, mut since) = (start, 0);
+        while since < WINDOW {
+            k = (k + sense) % DIRS;
+            since += 1;
+            let v = value(k);
+            if v > best.1 {
+                (best, since) = ((k, v), 0);
+            }
+        }
+    }
+    best
 }
 
 /// Unit vectors around the axis.
