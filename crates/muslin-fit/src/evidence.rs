@@ -7,6 +7,9 @@ use muslin_body::{Keypoints, Layout, REGRESSED};
 /// Points below this score say nothing.
 const LEAST_SCORE: f64 = 0.05;
 
+/// How much a point beyond the picture's edge counts.
+const BEYOND: f64 = 0.3;
+
 /// What is known about one marker.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Seen {
@@ -47,9 +50,11 @@ impl Evidence {
             let Some((marker, spread)) = marker(keypoints.layout, i) else {
                 continue;
             };
-            if finite && point.score >= LEAST_SCORE {
+            // Beyond the edge a point is guessed, whatever its score.
+            let inside = point.pixel.cmpge(DVec2::ZERO) & point.pixel.cmple(2.0 * centre);
+            let score = point.score.min(1.0) * if inside.all() { 1.0 } else { BEYOND };
+            if finite && score >= LEAST_SCORE {
                 let pixel = (point.pixel - centre) * DVec2::new(1.0, -1.0);
-                let score = point.score.min(1.0);
                 seen.push(Seen {
                     marker,
                     pixel,

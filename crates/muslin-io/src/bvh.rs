@@ -52,7 +52,10 @@ fn parse_file(bytes: &[u8]) -> Result<Bvh, Bad> {
     let mut words = Words::new(text.trim_start_matches('\u{feff}'));
     let joints = hierarchy(&mut words)?;
     let mut warnings = Vec::new();
-    while words.peek().is_some_and(|w| w.eq_ignore_ascii_case("MOTION")) {
+    while words
+        .peek()
+        .is_some_and(|w| w.eq_ignore_ascii_case("MOTION"))
+    {
         words.next();
         warnings.push("MOTION stands more than once".to_string());
     }
@@ -60,8 +63,15 @@ fn parse_file(bytes: &[u8]) -> Result<Bvh, Bad> {
     let fps = frames_per_second(frame_time, &mut warnings);
     let numbers = numbers(&mut words)?;
     let frames = frames(&joints, &numbers, declared, &mut warnings)?;
-    let recording = Recording { skeleton: skeleton(joints), fps, frames };
-    Ok(Bvh { recording, warnings })
+    let recording = Recording {
+        skeleton: skeleton(joints),
+        fps,
+        frames,
+    };
+    Ok(Bvh {
+        recording,
+        warnings,
+    })
 }
 
 /// One channel: which axis, and whether it turns or moves.
@@ -80,7 +90,10 @@ struct Joint {
 }
 
 fn error(line: usize, what: impl Into<String>) -> Bad {
-    Bad { line, what: what.into() }
+    Bad {
+        line,
+        what: what.into(),
+    }
 }
 
 /// Words with the line they stand on; braces are words of their own.
@@ -92,7 +105,11 @@ struct Words<'a> {
 
 impl<'a> Words<'a> {
     fn new(text: &'a str) -> Self {
-        Words { lines: text.lines().enumerate(), rest: "", line: 1 }
+        Words {
+            lines: text.lines().enumerate(),
+            rest: "",
+            line: 1,
+        }
     }
 
     fn peek(&mut self) -> Option<&'a str> {
@@ -108,7 +125,10 @@ impl<'a> Words<'a> {
         if self.rest.starts_with(['{', '}']) {
             return Some(&self.rest[..1]);
         }
-        let end = self.rest.find(|c| gap(c) || c == '{' || c == '}').unwrap_or(self.rest.len());
+        let end = self
+            .rest
+            .find(|c| gap(c) || c == '{' || c == '}')
+            .unwrap_or(self.rest.len());
         Some(&self.rest[..end])
     }
 
@@ -128,7 +148,8 @@ impl<'a> Words<'a> {
 
     fn word(&mut self, wanted: &str) -> Result<&'a str, Bad> {
         let line = self.line;
-        self.next().ok_or_else(|| error(line, format!("the file ends where {wanted} should be")))
+        self.next()
+            .ok_or_else(|| error(line, format!("the file ends where {wanted} should be")))
     }
 
     fn number(&mut self, wanted: &str) -> Result<f64, Bad> {
@@ -137,7 +158,11 @@ impl<'a> Words<'a> {
     }
 
     fn vector(&mut self) -> Result<DVec3, Bad> {
-        Ok(DVec3::new(self.number("x")?, self.number("y")?, self.number("z")?))
+        Ok(DVec3::new(
+            self.number("x")?,
+            self.number("y")?,
+            self.number("z")?,
+        ))
     }
 }
 
@@ -148,18 +173,27 @@ fn parse(word: &str, line: usize) -> Result<f64, Bad> {
     if value.is_finite() && value.abs() < 1e12 {
         return Ok(value);
     }
-    Err(error(line, format!("{:?} is no usable number", clean(word))))
+    Err(error(
+        line,
+        format!("{:?} is no usable number", clean(word)),
+    ))
 }
 
 /// A name fit for printing: no control characters, 64 characters at most.
 fn clean(name: &str) -> String {
-    name.chars().filter(|c| !c.is_control()).take(MAX_NAME).collect()
+    name.chars()
+        .filter(|c| !c.is_control())
+        .take(MAX_NAME)
+        .collect()
 }
 
 fn hierarchy(words: &mut Words) -> Result<Vec<Joint>, Bad> {
     let first = words.word("HIERARCHY")?;
     if !first.eq_ignore_ascii_case("HIERARCHY") {
-        return Err(error(words.line, format!("HIERARCHY expected, found {:?}", clean(first))));
+        return Err(error(
+            words.line,
+            format!("HIERARCHY expected, found {:?}", clean(first)),
+        ));
     }
     let mut joints: Vec<Joint> = Vec::new();
     let mut open: Vec<Block> = Vec::new();
@@ -169,7 +203,10 @@ fn hierarchy(words: &mut Words) -> Result<Vec<Joint>, Bad> {
             "END" => begin_end_site(words, &mut open)?,
             "OFFSET" => set_offset(words, &mut joints, &open)?,
             "CHANNELS" => set_channels(words, &mut joints, &open)?,
-            "}" => drop(open.pop().ok_or_else(|| error(words.line, "a brace too many"))?),
+            "}" => drop(
+                open.pop()
+                    .ok_or_else(|| error(words.line, "a brace too many"))?,
+            ),
             "MOTION" => return finish(words.line, joints, &open),
             _ => return Err(error(words.line, format!("unknown word {:?}", clean(word)))),
         }
@@ -185,7 +222,10 @@ enum Block {
 
 fn finish(line: usize, joints: Vec<Joint>, open: &[Block]) -> Result<Vec<Joint>, Bad> {
     if !open.is_empty() {
-        return Err(error(line, format!("{} braces are not closed before MOTION", open.len())));
+        return Err(error(
+            line,
+            format!("{} braces are not closed before MOTION", open.len()),
+        ));
     }
     if joints.is_empty() {
         return Err(error(line, "no joint"));
@@ -209,7 +249,13 @@ fn begin(w: &mut Words, joints: &mut Vec<Joint>, open: &mut Vec<Block>) -> Resul
     }
     open_brace(w)?;
     open.push(Block::Joint(joints.len()));
-    joints.push(Joint { name, parent, offset: DVec3::ZERO, end: None, channels: Vec::new() });
+    joints.push(Joint {
+        name,
+        parent,
+        offset: DVec3::ZERO,
+        end: None,
+        channels: Vec::new(),
+    });
     Ok(())
 }
 
@@ -226,7 +272,10 @@ fn begin_end_site(w: &mut Words, open: &mut Vec<Block>) -> Result<(), Bad> {
 fn open_brace(words: &mut Words) -> Result<(), Bad> {
     match words.word("{")? {
         "{" => Ok(()),
-        other => Err(error(words.line, format!("{{ expected, found {:?}", clean(other)))),
+        other => Err(error(
+            words.line,
+            format!("{{ expected, found {:?}", clean(other)),
+        )),
     }
 }
 
@@ -258,7 +307,10 @@ fn set_channels(w: &mut Words, joints: &mut [Joint], open: &[Block]) -> Result<(
 }
 
 fn unknown_channel(line: usize, word: &str) -> Bad {
-    let what = format!("unknown channel {:?}, allowed Xposition .. Zrotation", clean(word));
+    let what = format!(
+        "unknown channel {:?}, allowed Xposition .. Zrotation",
+        clean(word)
+    );
     error(line, what)
 }
 
@@ -275,7 +327,10 @@ fn channel(word: &str) -> Option<Channel> {
 /// Declared number of frames and the frame time [s].
 fn motion_head(words: &mut Words) -> Result<(f64, f64), Bad> {
     let frames = labelled(words, "frames")?;
-    if words.peek().is_some_and(|w| !w.to_ascii_lowercase().starts_with("frame")) {
+    if words
+        .peek()
+        .is_some_and(|w| !w.to_ascii_lowercase().starts_with("frame"))
+    {
         return Err(error(words.line, "Frame Time expected"));
     }
     words.next();
@@ -287,7 +342,10 @@ fn labelled(words: &mut Words, label: &str) -> Result<f64, Bad> {
     let word = words.word(label)?;
     let lower = word.to_ascii_lowercase();
     let Some(rest) = lower.strip_prefix(label) else {
-        return Err(error(words.line, format!("{label}: expected, found {:?}", clean(word))));
+        return Err(error(
+            words.line,
+            format!("{label}: expected, found {:?}", clean(word)),
+        ));
     };
     let mut rest = rest.trim_start_matches(':').to_string();
     if rest.is_empty() {
@@ -303,7 +361,9 @@ fn frames_per_second(frame_time: f64, warnings: &mut Vec<String>) -> f64 {
     if (1e-5..=1e3).contains(&frame_time) {
         return 1.0 / frame_time;
     }
-    warnings.push(format!("frame time {frame_time} s is unusable; 30 frames a second assumed"));
+    warnings.push(format!(
+        "frame time {frame_time} s is unusable; 30 frames a second assumed"
+    ));
     30.0
 }
 
@@ -311,7 +371,10 @@ fn numbers(words: &mut Words) -> Result<Vec<f64>, Bad> {
     let mut numbers = Vec::new();
     while let Some(word) = words.next() {
         if numbers.len() >= MAX_NUMBERS {
-            return Err(error(words.line, format!("more than {MAX_NUMBERS} numbers")));
+            return Err(error(
+                words.line,
+                format!("more than {MAX_NUMBERS} numbers"),
+            ));
         }
         numbers.push(parse(word, words.line)?);
     }
@@ -339,16 +402,24 @@ fn frames(
     }
     let (count, rest) = (numbers.len() / width, numbers.len() % width);
     if rest != 0 {
-        warnings.push(format!("the last frame has {rest} of {width} numbers and was dropped"));
+        warnings.push(format!(
+            "the last frame has {rest} of {width} numbers and was dropped"
+        ));
     }
     if count as f64 != declared {
         warnings.push(format!("{declared} frames declared, {count} found"));
     }
     if numbers.len() < width {
-        return Err(error(1, format!("no whole frame: {} of {width} numbers", numbers.len())));
+        return Err(error(
+            1,
+            format!("no whole frame: {} of {width} numbers", numbers.len()),
+        ));
     }
     let absolute = positions_are_absolute(joints, &numbers[..width]);
-    Ok(numbers.chunks_exact(width).map(|row| frame(joints, row, absolute)).collect())
+    Ok(numbers
+        .chunks_exact(width)
+        .map(|row| frame(joints, row, absolute))
+        .collect())
 }
 
 /// Whether the positions of roots, and of inner joints, replace the offsets.
@@ -369,7 +440,10 @@ fn positions_are_absolute(joints: &[Joint], row: &[f64]) -> [bool; 2] {
 }
 
 fn frame(joints: &[Joint], row: &[f64], absolute: [bool; 2]) -> Frame {
-    let mut frame = Frame { translations: Vec::new(), rotations: Vec::new() };
+    let mut frame = Frame {
+        translations: Vec::new(),
+        rotations: Vec::new(),
+    };
     let mut at = 0;
     for joint in joints {
         let (position, rotation) = channels(&joint.channels, &row[at..]);
@@ -378,7 +452,9 @@ fn frame(joints: &[Joint], row: &[f64], absolute: [bool; 2]) -> Frame {
             true => DVec3::ZERO,
             false => joint.offset,
         };
-        frame.translations.push(base + position.unwrap_or(DVec3::ZERO));
+        frame
+            .translations
+            .push(base + position.unwrap_or(DVec3::ZERO));
         frame.rotations.push(rotation);
     }
     frame
@@ -414,7 +490,8 @@ mod tests {
 
     #[test]
     fn known_values_come_back() {
-        let bvh = tiny("MOTION\nFrames: 1\nFrame Time: 0.02\n1 2 3 90 0 0 0 90 0\n").expect("valid");
+        let bvh =
+            tiny("MOTION\nFrames: 1\nFrame Time: 0.02\n1 2 3 90 0 0 0 90 0\n").expect("valid");
         let (skeleton, frame) = (&bvh.recording.skeleton, &bvh.recording.frames[0]);
         assert_eq!(skeleton.names, ["Base", "Tip"]);
         assert_eq!(skeleton.ends[1], Some(DVec3::new(0.0, 0.0, 30.0)));
@@ -427,7 +504,8 @@ mod tests {
     #[test]
     fn rotations_compose_in_channel_order() {
         let bvh = tiny("MOTION\nFrames: 1\nFrame Time: 1\n0 0 0 90 90 0 0 0 0").expect("valid");
-        let want = DQuat::from_rotation_z(90f64.to_radians()) * DQuat::from_rotation_x(90f64.to_radians());
+        let want =
+            DQuat::from_rotation_z(90f64.to_radians()) * DQuat::from_rotation_x(90f64.to_radians());
         assert!(bvh.recording.frames[0].rotations[0].angle_between(want) < 1e-9);
     }
 
@@ -446,7 +524,10 @@ mod tests {
                     CHANNELS 3 Xposition,Yposition,Zposition}\nMOTION\nFrames:1\nFrame Time:0.5\n90 4 5 6";
         let bvh = read("a.bvh", text.as_bytes()).expect("valid");
         assert_eq!(bvh.recording.skeleton.parents, [None, None]);
-        assert_eq!(bvh.recording.frames[0].translations[1], DVec3::new(4.0, 5.0, 7.0));
+        assert_eq!(
+            bvh.recording.frames[0].translations[1],
+            DVec3::new(4.0, 5.0, 7.0)
+        );
     }
 
     #[test]
@@ -455,28 +536,49 @@ mod tests {
         let cases: Vec<(String, &str)> = vec![
             (String::new(), "file ends"),
             ("PK\u{3}\u{4}".into(), "HIERARCHY expected"),
-            (format!("{TINY}MOTION\nFrames: 1\nFrame Time: 1\n0 0 nan 0 0 0 0 0 0"), "usable"),
-            (format!("{TINY}MOTION\nFrames: 1\nFrame Time: 1\n0 0 x 0 0 0 0 0 0"), "number"),
-            (format!("{TINY}MOTION\nFrames: 1\nFrame Time: 1\n0 0"), "whole frame"),
+            (
+                format!("{TINY}MOTION\nFrames: 1\nFrame Time: 1\n0 0 nan 0 0 0 0 0 0"),
+                "usable",
+            ),
+            (
+                format!("{TINY}MOTION\nFrames: 1\nFrame Time: 1\n0 0 x 0 0 0 0 0 0"),
+                "number",
+            ),
+            (
+                format!("{TINY}MOTION\nFrames: 1\nFrame Time: 1\n0 0"),
+                "whole frame",
+            ),
             (format!("{TINY}}}\nMOTION"), "brace too many"),
             (TINY.replace('}', " "), "MOTION is missing"),
             (format!("{}MOTION", TINY.replace('}', " ")), "not closed"),
-            (TINY.replace("CHANNELS 6", "CHANNELS 600000000"), "allowed 0 to 6"),
+            (
+                TINY.replace("CHANNELS 6", "CHANNELS 600000000"),
+                "allowed 0 to 6",
+            ),
             (TINY.replace("Xposition", "Xscale"), "unknown channel"),
             (TINY.replace("OFFSET 0 0 15", "OFFSET 0 0"), "number"),
             (deep, "levels"),
         ];
         for (text, want) in cases {
             let error = read("a.bvh", text.as_bytes()).expect_err(want);
-            assert!(error.to_string().contains(want), "{error} should say {want:?}");
+            assert!(
+                error.to_string().contains(want),
+                "{error} should say {want:?}"
+            );
         }
     }
 
     #[test]
     fn names_are_made_printable() {
-        let text = TINY.replace("Tip", "\u{1b}[31mTip\u{7}").replace("Base", "");
+        let text = TINY
+            .replace("Tip", "\u{1b}[31mTip\u{7}")
+            .replace("Base", "");
         let text = format!("{text}MOTION\nFrames: 1\nFrame Time: 1\n0 0 0 0 0 0 0 0 0");
-        let names = read("a.bvh", text.as_bytes()).expect("valid").recording.skeleton.names;
+        let names = read("a.bvh", text.as_bytes())
+            .expect("valid")
+            .recording
+            .skeleton
+            .names;
         assert_eq!(names, ["joint0", "[31mTip"]);
     }
 
@@ -498,11 +600,20 @@ mod tests {
         assert!(files.len() > 50, "{} files", files.len());
         for file in files {
             let bvh = read("a.bvh", &std::fs::read(&file).expect("readable")).expect("valid");
-            assert!(bvh.warnings.is_empty(), "{}: {:?}", file.display(), bvh.warnings);
+            assert!(
+                bvh.warnings.is_empty(),
+                "{}: {:?}",
+                file.display(),
+                bvh.warnings
+            );
         }
-        let liar = std::fs::read(data.join("robustness/bvh/frame_count_lies.bvh")).expect("readable");
+        let liar =
+            std::fs::read(data.join("robustness/bvh/frame_count_lies.bvh")).expect("readable");
         let warnings = read("a.bvh", &liar).expect("readable").warnings;
-        assert!(warnings.iter().any(|w| w == "3 frames declared, 4 found"), "{warnings:?}");
+        assert!(
+            warnings.iter().any(|w| w == "3 frames declared, 4 found"),
+            "{warnings:?}"
+        );
     }
 
     fn collect(folder: &Path, files: &mut Vec<PathBuf>) {
@@ -518,24 +629,75 @@ mod tests {
 
     /// Names of shoulder, elbow, wrist, hip, knee and ankle on the left side.
     const SCHOOLS: [(&str, [&str; 6]); 7] = [
-        ("cmu-bvh/02_01_walk", ["LeftArm", "LeftForeArm", "LeftHand", "LeftUpLeg", "LeftLeg", "LeftFoot"]),
+        (
+            "cmu-bvh/02_01_walk",
+            [
+                "LeftArm",
+                "LeftForeArm",
+                "LeftHand",
+                "LeftUpLeg",
+                "LeftLeg",
+                "LeftFoot",
+            ],
+        ),
         (
             "cmu-fbx-as-bvh/85_03_acrobatics",
-            ["Neo_LeftArm", "Neo_LeftForeArm", "Neo_LeftHand", "Neo_LeftUpLeg", "Neo_LeftLeg", "Neo_LeftFoot"],
+            [
+                "Neo_LeftArm",
+                "Neo_LeftForeArm",
+                "Neo_LeftHand",
+                "Neo_LeftUpLeg",
+                "Neo_LeftLeg",
+                "Neo_LeftFoot",
+            ],
         ),
-        ("cmu-fbx-as-bvh/91_48_locomotion", ["lShldr", "lForeArm", "lHand", "lThigh", "lShin", "lFoot"]),
+        (
+            "cmu-fbx-as-bvh/91_48_locomotion",
+            ["lShldr", "lForeArm", "lHand", "lThigh", "lShin", "lFoot"],
+        ),
         (
             "non-commercial/bandai-namco/dataset-1_kick_normal_001",
-            ["UpperArm_L", "LowerArm_L", "Hand_L", "UpperLeg_L", "LowerLeg_L", "Foot_L"],
+            [
+                "UpperArm_L",
+                "LowerArm_L",
+                "Hand_L",
+                "UpperLeg_L",
+                "LowerLeg_L",
+                "Foot_L",
+            ],
         ),
         (
             "other-skeletons/boxing_toes_100fps",
-            ["LeftShoulder", "LeftElbow", "LeftWrist", "LeftHip", "LeftKnee", "LeftAnkle"],
+            [
+                "LeftShoulder",
+                "LeftElbow",
+                "LeftWrist",
+                "LeftHip",
+                "LeftKnee",
+                "LeftAnkle",
+            ],
         ),
-        ("reactidle/000_genuine", ["upper_arm.L", "forearm.L", "forearm.L", "thigh.L", "shin.L", "foot.L"]),
+        (
+            "reactidle/000_genuine",
+            [
+                "upper_arm.L",
+                "forearm.L",
+                "forearm.L",
+                "thigh.L",
+                "shin.L",
+                "foot.L",
+            ],
+        ),
         (
             "makehuman-poses/fight01",
-            ["upperarm01.L", "lowerarm01.L", "wrist.L", "upperleg01.L", "lowerleg01.L", "foot.L"],
+            [
+                "upperarm01.L",
+                "lowerarm01.L",
+                "wrist.L",
+                "upperleg01.L",
+                "lowerleg01.L",
+                "foot.L",
+            ],
         ),
     ];
 
@@ -547,10 +709,19 @@ mod tests {
         };
         let avatar = Avatar::embedded().expect("the embedded body");
         let figure = avatar.figure(&Shape::default()).expect("an adult");
-        let ours = ["upperarm01.L", "lowerarm01.L", "wrist.L", "upperleg01.L", "lowerleg01.L", "foot.L"];
+        let ours = [
+            "upperarm01.L",
+            "lowerarm01.L",
+            "wrist.L",
+            "upperleg01.L",
+            "lowerleg01.L",
+            "foot.L",
+        ];
         for (file, theirs) in SCHOOLS {
             let path = data.join("motion").join(format!("{file}.bvh"));
-            let bvh = read(file, &std::fs::read(path).expect("readable")).expect("valid").recording;
+            let bvh = read(file, &std::fs::read(path).expect("readable"))
+                .expect("valid")
+                .recording;
             for frame in [0, bvh.frames.len() / 2] {
                 let pose = retarget(&avatar, &figure, &bvh, frame).expect("a human");
                 let posed = avatar.pose(&figure, &pose);
@@ -559,15 +730,36 @@ mod tests {
                     posed.bones[b].transform_point3(figure.joints[b])
                 };
                 let points = heads(&bvh, frame);
-                let head = |name: &str| points[bvh.skeleton.names.iter().position(|n| n == name).expect(name)];
-                for (a, b) in [(0, 1), (1, 2), (3, 4), (4, 5)].into_iter().filter(|&(a, b)| theirs[a] != theirs[b]) {
+                let head = |name: &str| {
+                    points[bvh
+                        .skeleton
+                        .names
+                        .iter()
+                        .position(|n| n == name)
+                        .expect(name)]
+                };
+                for (a, b) in [(0, 1), (1, 2), (3, 4), (4, 5)]
+                    .into_iter()
+                    .filter(|&(a, b)| theirs[a] != theirs[b])
+                {
                     let want = head(theirs[b]) - head(theirs[a]);
-                    let want = if file.starts_with("makehuman") { DVec3::new(want.x, want.z, -want.y) } else { want };
+                    let want = if file.starts_with("makehuman") {
+                        DVec3::new(want.x, want.z, -want.y)
+                    } else {
+                        want
+                    };
                     let off = (at(ours[b]) - at(ours[a])).angle_between(want).to_degrees();
-                    assert!(off < 0.01, "{file} frame {frame}: {} is off by {off} degrees", ours[a]);
+                    assert!(
+                        off < 0.01,
+                        "{file} frame {frame}: {} is off by {off} degrees",
+                        ours[a]
+                    );
                 }
                 let up = (at("head") - at("foot.L")).y;
-                assert!(file.contains("acrobatics") || up > 0.5, "{file} stands on its head");
+                assert!(
+                    file.contains("acrobatics") || up > 0.5,
+                    "{file} stands on its head"
+                );
             }
         }
     }
