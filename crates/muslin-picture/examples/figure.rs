@@ -1,6 +1,7 @@
-//! A mannequin in a wrinkled tube top, photographed: `figure BODY.obj OUT_DIR`.
+//! A dressed mannequin, photographed: `figure BODY.obj OUT_DIR [GARMENT.obj ...]`.
 //!
-//! The body is any mesh in metres, Y up, facing +Z. Writes `front.png`, `close.png`
+//! Meshes are in metres, Y up, facing +Z; without garments the body wears a wrinkled
+//! copy of its own trunk. Writes `front.png`, `close.png`
 //! and `turn.png` and prints how long each took.
 
 use std::error::Error;
@@ -16,10 +17,13 @@ use muslin_picture::{
 
 fn main() -> Result<(), Box<dyn Error>> {
     let args: Vec<String> = std::env::args().collect();
-    let [_, body, out] = args.as_slice() else {
-        return Err("figure BODY.obj OUT_DIR".into());
+    let [_, body, out, garments @ ..] = args.as_slice() else {
+        return Err("figure BODY.obj OUT_DIR [GARMENT.obj ...]".into());
     };
-    let scene = scene(read_obj(Path::new(body))?);
+    let scene = match garments {
+        [] => scene(read_obj(Path::new(body))?),
+        worn => dressed(read_obj(Path::new(body))?, worn)?,
+    };
     let faces: usize = scene.parts.iter().map(|p| p.faces.len()).sum();
     println!("{faces} triangles");
     let view = View::default();
@@ -81,6 +85,26 @@ fn cpu_seconds() -> f64 {
         .take(2)
         .filter_map(|t| t.parse::<f64>().ok());
     ticks.sum::<f64>() / 100.0
+}
+
+/// The body in garments from files, each of another colour.
+fn dressed(body: Triangles, garments: &[String]) -> Result<Scene, Box<dyn Error>> {
+    let lowest = body.0.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+    let mut parts = vec![Part::new(body.0, body.1, Material::mannequin())];
+    for (path, colour) in garments
+        .iter()
+        .zip([[32, 118, 116], [40, 62, 104], [190, 180, 165]])
+    {
+        let (verts, faces) = read_obj(Path::new(path))?;
+        let cloth = Material::cloth(linear(colour), Weave::usual(WeaveKind::Jersey));
+        parts.push(Part::new(verts, faces, cloth));
+    }
+    let ground = Some(Ground::at(lowest));
+    Ok(Scene {
+        parts,
+        ground,
+        ..Scene::default()
+    })
 }
 
 /// The body in an offset, wrinkled copy of its own trunk.

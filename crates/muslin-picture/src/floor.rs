@@ -219,13 +219,22 @@ impl Level {
     fn at(&self, x: f32, y: f32, level: usize) -> [f32; 2] {
         let scale = 1.0 / (1 << level) as f32;
         let (x, y) = (x * scale - 0.5, y * scale - 0.5);
-        let limit = (self.size - 1) as f32;
-        if !(x >= 0.0 && y >= 0.0 && x < limit && y < limit) {
+        let limit = self.size as f32;
+        if !(x > -1.0 && y > -1.0 && x < limit && y < limit) {
             return [0.0; 2];
         }
-        let (i, j) = (x as usize, y as usize);
-        let (fx, fy) = (x - i as f32, y - j as f32);
-        let texel = |di: usize, dj: usize| self.texels[(j + dj) * self.size + i + di];
+        // One more than the texel to the left and above, so that both are counts.
+        let (i, j) = ((x + 1.0) as usize, (y + 1.0) as usize);
+        let (fx, fy) = (x + 1.0 - i as f32, y + 1.0 - j as f32);
+        let texel = |di: usize, dj: usize| {
+            let (u, v) = ((i + di).wrapping_sub(1), (j + dj).wrapping_sub(1));
+            let inside = u < self.size && v < self.size;
+            if inside {
+                self.texels[v * self.size + u]
+            } else {
+                [0.0; 2]
+            }
+        };
         let (a, b, c, d) = (texel(0, 0), texel(1, 0), texel(0, 1), texel(1, 1));
         [0, 1].map(|k| {
             (a[k] * (1.0 - fx) + b[k] * fx) * (1.0 - fy) + (c[k] * (1.0 - fx) + d[k] * fx) * fy
@@ -236,4 +245,24 @@ impl Level {
 fn smooth(t: f32) -> f32 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_blurred_edge_fades_to_nothing_without_a_step() {
+        let solid = Level {
+            size: 8,
+            texels: vec![[1.0, 2.0]; 64],
+        };
+        let mut last = solid.at(4.0, 4.0, 0)[0];
+        for i in 0..=60 {
+            let cover = solid.at(4.0 + 0.1 * i as f32, 4.0, 0)[0];
+            assert!((last - cover).abs() < 0.11, "step from {last} to {cover}");
+            last = cover;
+        }
+        assert_eq!(last, 0.0);
+    }
 }

@@ -16,20 +16,21 @@ pub(crate) fn distances(verts: &[DVec3], faces: &[[u32; 3]], reach: f32) -> Vec<
     if reach <= 0.0 {
         return dist;
     }
-    let rim = open_edges(faces);
+    let cloth = Cloth {
+        verts,
+        faces,
+        rim: open_edges(faces),
+        reach,
+    };
     let mut nearest = vec![usize::MAX; verts.len()];
-    for (i, edge) in rim.iter().enumerate() {
+    for (i, edge) in cloth.rim.iter().enumerate() {
         for &v in edge {
             dist[v as usize] = 0.0;
             nearest[v as usize] = i;
         }
     }
     // Each sweep carries the front at least one triangle further.
-    for _ in 0..SWEEPS {
-        if !spread(verts, faces, &rim, reach, &mut dist, &mut nearest) {
-            break;
-        }
-    }
+    (0..SWEEPS).any(|_| !cloth.spread(&mut dist, &mut nearest));
     dist
 }
 
@@ -45,30 +46,33 @@ pub(crate) fn reach(width: f32) -> f32 {
 /// More than enough triangles across a hem of any usual mesh.
 const SWEEPS: usize = 24;
 
-/// One sweep over the faces; whether anything became nearer.
-fn spread(
-    verts: &[DVec3],
-    faces: &[[u32; 3]],
-    rim: &[[u32; 2]],
+/// A mesh and its open edges.
+struct Cloth<'a> {
+    verts: &'a [DVec3],
+    faces: &'a [[u32; 3]],
+    rim: Vec<[u32; 2]>,
     reach: f32,
-    dist: &mut [f32],
-    nearest: &mut [usize],
-) -> bool {
-    let mut changed = false;
-    for face in faces.iter().map(|f| f.map(|v| v as usize)) {
-        for (from, to) in [(0, 1), (1, 2), (2, 0), (1, 0), (2, 1), (0, 2)] {
-            let (from, to) = (face[from], face[to]);
-            if nearest[from] == usize::MAX || nearest[from] == nearest[to] {
-                continue;
-            }
-            let [a, b] = rim[nearest[from]].map(|v| verts[v as usize]);
-            let d = segment_distance(verts[to], a, b) as f32;
-            if d < dist[to] && d <= reach {
-                (dist[to], nearest[to], changed) = (d, nearest[from], true);
+}
+
+impl Cloth<'_> {
+    /// One sweep over the faces; whether anything became nearer.
+    fn spread(&self, dist: &mut [f32], nearest: &mut [usize]) -> bool {
+        let mut changed = false;
+        for face in self.faces.iter().map(|f| f.map(|v| v as usize)) {
+            for (from, to) in [(0, 1), (1, 2), (2, 0), (1, 0), (2, 1), (0, 2)] {
+                let (from, to) = (face[from], face[to]);
+                if nearest[from] == usize::MAX || nearest[from] == nearest[to] {
+                    continue;
+                }
+                let [a, b] = self.rim[nearest[from]].map(|v| self.verts[v as usize]);
+                let d = segment_distance(self.verts[to], a, b) as f32;
+                if d < dist[to] && d <= self.reach {
+                    (dist[to], nearest[to], changed) = (d, nearest[from], true);
+                }
             }
         }
+        changed
     }
-    changed
 }
 
 /// Edges with one face, in the order the faces name them.

@@ -31,7 +31,12 @@ pub fn overlay(photo: &Image, scene: &Scene, camera: &Camera, opacity: f64) -> I
         let x = ((i % photo.width) as f64 + 0.5) * figure.width as f64 / photo.width as f64;
         let y = ((i / photo.width) as f64 + 0.5) * figure.height as f64 / photo.height as f64;
         if let Some([colour, line]) = figure.at(x as f32 - 0.5, y as f32 - 0.5) {
-            *pixel = blend(*pixel, colour, line.w, opacity.clamp(0.0, 1.0) as f32);
+            *pixel = blend(
+                *pixel,
+                colour,
+                line.w * colour.w,
+                opacity.clamp(0.0, 1.0) as f32,
+            );
         }
     }
     out
@@ -78,7 +83,10 @@ impl Figure {
         };
         let colour = picture.pixels.iter().map(premultiplied).collect();
         let radius = (camera.width.max(camera.height) as f32 / 900.0).max(0.8);
-        let line = outlines(&exposure.depths.depth, camera.width, camera.height, radius);
+        let line = softened(
+            &outlines(&exposure.depths.depth, camera.width, camera.height, radius),
+            camera.width,
+        );
         Self {
             width: camera.width,
             height: camera.height,
@@ -87,7 +95,7 @@ impl Figure {
         }
     }
 
-    /// Colour and outline between pixel middles; none where neither reaches.
+    /// Colour and outline between pixel middles; none beside the figure.
     fn at(&self, x: f32, y: f32) -> Option<[Vec4; 2]> {
         let (i, j) = (x.floor(), y.floor());
         let (fx, fy) = (x - i, y - j);
@@ -104,7 +112,7 @@ impl Figure {
             sum[0] += self.colour[at] * w;
             sum[1] += Vec4::splat(self.line[at]) * w;
         }
-        (sum[0].w > 0.0 || sum[1].w > 0.0).then_some(sum)
+        (sum[0].w > 0.0).then_some(sum)
     }
 }
 
@@ -129,6 +137,21 @@ fn outlines(depth: &[f32], width: usize, height: usize, radius: f32) -> Vec<f32>
     (0..depth.len())
         .map(|at| if depth[at].is_finite() { line(at) } else { 0.0 })
         .collect()
+}
+
+/// A line after a 3 × 3 binomial blur; rows are `width` long.
+fn softened(line: &[f32], width: usize) -> Vec<f32> {
+    let last = line.len() / width - 1;
+    let across = |x: usize, y: usize| {
+        let row = &line[y * width..(y + 1) * width];
+        row[x.saturating_sub(1)] + 2.0 * row[x] + row[(x + 1).min(width - 1)]
+    };
+    let one = |at: usize| {
+        let (x, y) = (at % width, at / width);
+        let beside = across(x, y.saturating_sub(1)) + across(x, (y + 1).min(last));
+        (beside + 2.0 * across(x, y)) / 16.0
+    };
+    (0..line.len()).map(one).collect()
 }
 
 /// A jump in depth that counts as an outline [m].
