@@ -17,6 +17,22 @@ pub(crate) struct Carrier {
     hold: Vec<f64>,
 }
 
+/// A body's triangles where they are at one moment.
+pub(crate) struct Skin<'a> {
+    pub faces: &'a [[u32; 3]],
+    /// Positions [m].
+    pub verts: &'a [DVec3],
+}
+
+impl<'a> Skin<'a> {
+    pub fn of(surface: &'a Surface) -> Skin<'a> {
+        Skin {
+            faces: surface.faces(),
+            verts: surface.verts(),
+        }
+    }
+}
+
 /// Rounds of smoothing; a motion then spreads over about the square root of it in edges.
 const ROUNDS: usize = 24;
 /// Distance over which the hold of the skin falls [m].
@@ -36,12 +52,6 @@ impl Carrier {
         }
     }
 
-    /// The skin point a vertex belongs to [m].
-    pub fn skin_point(&self, i: usize, skin: &Surface) -> DVec3 {
-        let (c, w) = (skin.corners(self.faces[i]), self.weights[i]);
-        c[0] * w[0] + c[1] * w[1] + c[2] * w[2]
-    }
-
     /// Skin vertices that the cloth is worn on.
     pub fn worn_on(&self, skin: &Surface) -> Vec<bool> {
         let mut out = vec![false; skin.verts().len()];
@@ -54,18 +64,19 @@ impl Carrier {
     }
 
     /// The skin's frame under a vertex: where it is and how it is turned.
-    pub fn frame(&self, i: usize, skin: &Surface) -> DAffine3 {
-        let c = skin.corners(self.faces[i]);
+    pub fn frame(&self, i: usize, skin: &Skin<'_>) -> DAffine3 {
+        let c = skin.faces[self.faces[i] as usize].map(|v| skin.verts[v as usize]);
         let along = (c[1] - c[0]).normalize_or(DVec3::X);
         let normal = along
             .cross(c[2] - c[0])
             .normalize_or(along.any_orthonormal_vector());
         let turn = DMat3::from_cols(along, normal, along.cross(normal));
-        DAffine3::from_mat3_translation(turn, self.skin_point(i, skin))
+        let w = self.weights[i];
+        DAffine3::from_mat3_translation(turn, c[0] * w[0] + c[1] * w[1] + c[2] * w[2])
     }
 
     /// What the skin's move from `before` to `after` does to every vertex.
-    pub fn motions(&self, before: &Surface, after: &Surface, near: &Rows) -> Vec<DAffine3> {
+    pub fn motions(&self, before: &Skin<'_>, after: &Skin<'_>, near: &Rows) -> Vec<DAffine3> {
         let own = ordered::map(self.faces.len(), |i| {
             self.frame(i, after) * self.frame(i, before).inverse()
         });

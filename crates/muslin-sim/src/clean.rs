@@ -75,9 +75,11 @@ fn give(stage: &mut Stage<'_>, hits: &[[u32; 2]]) {
     let skin = &stage.body.now;
     let mut depth = vec![0.0; skin.verts().len()];
     for hit in hits {
-        skin.faces()[hit[1] as usize]
-            .iter()
-            .for_each(|&v| depth[v as usize] = GIVE);
+        for v in skin.faces()[hit[1] as usize].map(|v| v as usize) {
+            if depth[v] == 0.0 && relief::is_soft(skin, v) {
+                depth[v] = GIVE;
+            }
+        }
     }
     let pattern = Pattern::new(skin.verts().len(), skin.faces());
     let dented = relief::dented(skin, &pattern.near, depth, |_| true);

@@ -33,14 +33,20 @@ const PAIRS: usize = 2048;
 impl Neighbours {
     /// Finds the pairs within `reach` [m] at `x`. `tree` is a tree over the faces, of any shape.
     pub fn find(weave: &Weave, tree: &mut Bvh, x: &[DVec3], reach: f64) -> Neighbours {
-        tree.refit(&face_boxes(x, &weave.faces));
+        let boxes = face_boxes(x, &weave.faces);
+        tree.refit(&boxes);
+        let scene = Scene {
+            weave,
+            x,
+            boxes: &boxes,
+        };
         let pairs = tree.self_pairs(reach);
         let lists: Vec<Vec<Near>> = pairs
             .par_chunks(PAIRS)
             .map(|chunk| {
                 let mut out = Vec::new();
                 for &[f, g] in chunk {
-                    features(weave, x, (f as usize, g as usize, reach), &mut out);
+                    scene.features((f as usize, g as usize), reach, &mut out);
                 }
                 out
             })
@@ -80,6 +86,11 @@ pub(crate) fn on_the_way(
         .map(|(b, f)| b.union(Aabb::of_face(&there, *f)))
         .collect();
     tree.refit(&swept);
+    let scene = Scene {
+        weave,
+        x,
+        boxes: &still,
+    };
     let motions: Vec<Motion> = weave.faces.iter().map(|f| Motion::of(f, moves)).collect();
     let lists: Vec<Vec<Near>> = tree
         .self_pairs(TOUCHING)
@@ -90,7 +101,7 @@ pub(crate) fn on_the_way(
                 let (f, g) = (f as usize, g as usize);
                 let reach = motions[f].against(&motions[g]) + TOUCHING;
                 if still[f].grown(reach).overlaps(&still[g]) {
-                    features(weave, x, (f, g, reach), &mut out);
+                    scene.features((f, g), reach, &mut out);
                 }
             }
             out
@@ -122,47 +133,67 @@ impl Motion {
     }
 }
 
-fn features(weave: &Weave, x: &[DVec3], (f, g, reach): (usize, usize, f64), out: &mut Vec<Near>) {
-    let (mine, theirs) = (&weave.owned[f], &weave.owned[g]);
-    for (owned, other) in [(mine, g), (theirs, f)] {
-        for v in owned.verts.into_iter().filter(|v| *v != u32::MAX) {
-            let t = weave.faces[other];
-            if !t.contains(&v) && vertex_near(x, v, t, reach) {
-                out.push(Near {
-                    verts: [v, t[0], t[1], t[2]],
-                    is_edges: false,
-                });
+/// Where faces are, and what is asked about two of them.
+struct Scene<'a> {
+    weave: &'a Weave,
+    x: &'a [DVec3],
+    boxes: &'a [Aabb],
+}
+
+impl Scene<'_> {
+    /// Adds the pairs of features of faces `f` and `g` that are within `reach` [m].
+    fn features(&self, (f, g): (usize, usize), reach: f64, out: &mut Vec<Near>) {
+        for (mine, other) in [(f, g), (g, f)] {
+            let (t, around) = (self.weave.faces[other], self.boxes[other].grown(reach));
+            for v in self.weave.owned[mine].verts {
+                if v != u32::MAX && !t.contains(&v) && self.vertex_near(v, t, (&around, reach)) {
+                    out.push(Near {
+                        verts: [v, t[0], t[1], t[2]],
+                        is_edges: false,
+                    });
+                }
+            }
+        }
+        let (mine, theirs) = (&self.weave.owned[f].edges, &self.weave.owned[g].edges);
+        let (near_f, near_g) = (self.boxes[f].grown(reach), self.boxes[g].grown(reach));
+        for &e in mine.iter().filter(|e| self.edge_near(**e, &near_g)) {
+            for &d in theirs.iter().filter(|d| self.edge_near(**d, &near_f)) {
+                let ([a, b], [c, d]) = (self.weave.edges[e as usize], self.weave.edges[d as usize]);
+                let apart = a != c && a != d && b != c && b != d;
+                if apart && self.edges_near([a, b, c, d], reach) {
+                    out.push(Near {
+                        verts: [a, b, c, d],
+                        is_edges: true,
+                    });
+                }
             }
         }
     }
-    for e in mine.edges.into_iter().filter(|e| *e != u32::MAX) {
-        for d in theirs.edges.into_iter().filter(|d| *d != u32::MAX) {
-            let ([a, b], [c, d]) = (weave.edges[e as usize], weave.edges[d as usize]);
-            let apart = a != c && a != d && b != c && b != d;
-            if apart && edges_near(x, [a, b, c, d], reach) {
-                out.push(Near {
-                    verts: [a, b, c, d],
-                    is_edges: true,
-                });
-            }
+
+    fn vertex_near(&self, v: u32, t: [u32; 3], (around, reach): (&Aabb, f64)) -> bool {
+        let p = self.x[v as usize];
+        if !around.overlaps(&Aabb { min: p, max: p }) {
+            return false;
+        }
+        let t = t.map(|i| self.x[i as usize]);
+        on_triangle(p, &t).point.distance_squared(p) <= reach * reach
+    }
+
+    /// Whether an edge, if there is one, meets a box.
+    fn edge_near(&self, e: u32, around: &Aabb) -> bool {
+        e != u32::MAX && {
+            let [a, b] = self.weave.edges[e as usize].map(|i| self.x[i as usize]);
+            around.overlaps(&Aabb {
+                min: a.min(b),
+                max: a.max(b),
+            })
         }
     }
-}
 
-fn vertex_near(x: &[DVec3], v: u32, t: [u32; 3], reach: f64) -> bool {
-    let (p, t) = (x[v as usize], t.map(|i| x[i as usize]));
-    let (low, high) = (
-        t[0].min(t[1]).min(t[2]) - reach,
-        t[0].max(t[1]).max(t[2]) + reach,
-    );
-    p.cmpge(low).all()
-        && p.cmple(high).all()
-        && on_triangle(p, &t).point.distance_squared(p) <= reach * reach
-}
-
-fn edges_near(x: &[DVec3], v: [u32; 4], reach: f64) -> bool {
-    let [a, b, c, d] = v.map(|i| x[i as usize]);
-    (a.min(b) - reach).cmple(c.max(d)).all()
-        && (c.min(d) - reach).cmple(a.max(b)).all()
-        && on_segments([a, b], [c, d]).distance <= reach
+    fn edges_near(&self, v: [u32; 4], reach: f64) -> bool {
+        let [a, b, c, d] = v.map(|i| self.x[i as usize]);
+        (a.min(b) - reach).cmple(c.max(d)).all()
+            && (c.min(d) - reach).cmple(a.max(b)).all()
+            && on_segments([a, b], [c, d]).distance <= reach
+    }
 }

@@ -1,6 +1,6 @@
 //! One step after another: the cloth, the body it meets, and what is known about both.
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use muslin_energy::contact::Barrier;
 use muslin_geom::{
     Aabb, Surface,
@@ -9,7 +9,7 @@ use muslin_geom::{
 
 use crate::{
     body::{Body, Skin},
-    carry::Carrier,
+    carry::{self, Carrier},
     cloth::{Cloth, SimError},
     crossings,
     drape::Options,
@@ -49,7 +49,7 @@ pub(crate) struct Stage<'a> {
 type Held = DVec3;
 
 /// Slack of the neighbour lists [m].
-const SLACK: f64 = 4e-3;
+const SLACK: f64 = 2.5e-3;
 /// Skin this close to cloth must not jump [m].
 const NEARBY: f64 = 0.025;
 /// Most that skin may move past nearby cloth in one piece of its way [m].
@@ -59,7 +59,7 @@ const PIECES: usize = 4;
 /// Looks at a move that keeps changing.
 const LOOKS: usize = 3;
 /// Moves shorter than this are checked against the neighbour list [m].
-const SMALL_MOVE: f64 = 1.5e-3;
+const SMALL_MOVE: f64 = 0.8e-3;
 
 impl<'a> Stage<'a> {
     pub fn new(
@@ -71,7 +71,7 @@ impl<'a> Stage<'a> {
     ) -> Stage<'a> {
         let carrier = Carrier::new(&skin, start);
         let held = |&p: &u32| {
-            let inverse = carrier.frame(p as usize, &skin).inverse();
+            let inverse = carrier.frame(p as usize, &carry::Skin::of(&skin)).inverse();
             (p, inverse.transform_point3(start[p as usize]))
         };
         let mut stage = Stage {
@@ -95,33 +95,44 @@ impl<'a> Stage<'a> {
 
     /// Takes the body to its next frame, in pieces so small that no skin jumps over cloth.
     pub fn follow(&mut self, frame: &[DVec3]) -> Result<(), SimError> {
+        let motions = self.motions(frame);
+        let pieces = self.pieces(frame, &motions);
+        if pieces == 1 {
+            self.carry(frame, &motions);
+            return self.step(0.0);
+        }
         let from = self.body.now.verts().to_vec();
-        let pieces = self.pieces(frame);
         for k in 1..=pieces {
             let t = k as f64 / pieces as f64;
-            let between = from
-                .iter()
-                .zip(frame)
-                .map(|(a, b)| a.lerp(*b, t))
-                .collect::<Vec<_>>();
-            self.carry(&between);
-            self.step(0.5)?;
+            let between: Vec<DVec3> = from.iter().zip(frame).map(|(a, b)| a.lerp(*b, t)).collect();
+            let motions = self.motions(&between);
+            self.carry(&between, &motions);
+            self.step(0.0)?;
         }
         Ok(())
     }
 
+    /// What the body's move to `frame` does to every vertex.
+    fn motions(&self, frame: &[DVec3]) -> Vec<DAffine3> {
+        let now = carry::Skin::of(&self.body.now);
+        let next = carry::Skin {
+            faces: now.faces,
+            verts: frame,
+        };
+        self.carrier.motions(&now, &next, &self.weave.pattern.near)
+    }
+
     /// Into how many pieces the body's way to `frame` must be cut.
-    fn pieces(&mut self, frame: &[DVec3]) -> usize {
-        let mut after = self.body.now.clone();
-        after.refit(frame);
-        let motions = self
-            .carrier
-            .motions(&self.body.now, &after, &self.weave.pattern.near);
+    fn pieces(&mut self, frame: &[DVec3], motions: &[DAffine3]) -> usize {
         self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
+        let all = Aabb::of(&self.x).grown(NEARBY);
         let skin = self.body.now.verts();
         let fastest = ordered::map(skin.len(), |i| {
             let around = Aabb::of(&[skin[i]]).grown(NEARBY);
             let mut most = 0.0f64;
+            if !all.overlaps(&around) {
+                return most;
+            }
             self.tree.near(&around, |f| {
                 let v = self.weave.faces[f as usize][0] as usize;
                 let cloth = motions[v].transform_point3(self.x[v]) - self.x[v];
@@ -134,19 +145,13 @@ impl<'a> Stage<'a> {
     }
 
     /// Takes the body to `frame` and the cloth along with it.
-    fn carry(&mut self, frame: &[DVec3]) {
-        let old = self.body.now.clone();
+    fn carry(&mut self, frame: &[DVec3], motions: &[DAffine3]) {
         self.body.advance(frame);
-        let near = &self.weave.pattern.near;
-        let motions = self.carrier.motions(&old, &self.body.now, near);
         self.before.clone_from(&self.x);
-        let moves = ordered::map(self.x.len(), |i| {
-            motions[i].transform_point3(self.x[i]) - self.x[i]
-        });
-        for (v, motion) in self.v.iter_mut().zip(&motions) {
-            *v = motion.transform_vector3(*v);
-        }
-        self.go(moves);
+        let x = &self.x;
+        self.go(ordered::map(x.len(), |i| {
+            motions[i].transform_point3(x[i]) - x[i]
+        }));
     }
 
     pub fn find_tangles(&mut self) {
@@ -175,7 +180,9 @@ impl<'a> Stage<'a> {
         let mut h = self.options.step;
         for _ in 0..5 {
             let drift: Vec<DVec3> = self.v.iter().map(|v| *v * h).collect();
-            self.go(drift.clone());
+            if drift.iter().any(|d| *d != DVec3::ZERO) {
+                self.go(drift.clone());
+            }
             if let Some(moves) = self.solve(&from, &drift, h) {
                 self.go(moves);
                 self.finish_step(&from, h, keep);
@@ -218,7 +225,7 @@ impl<'a> Stage<'a> {
             barrier: rule.barrier,
             pins: &self.pin_targets(),
         };
-        if problem.energy(from) < problem.energy(&self.x) {
+        if self.x != from && problem.energy(from) < problem.energy(&self.x) {
             self.x.copy_from_slice(from);
         }
         problem.descend(
@@ -283,7 +290,7 @@ impl<'a> Stage<'a> {
             (
                 p,
                 self.carrier
-                    .frame(p as usize, &self.body.now)
+                    .frame(p as usize, &carry::Skin::of(&self.body.now))
                     .transform_point3(held),
             )
         };
