@@ -4,12 +4,18 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 fn muslin(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_muslin")).args(args).output().expect("the program starts")
+    Command::new(env!("CARGO_BIN_EXE_muslin"))
+        .args(args)
+        .output()
+        .expect("the program starts")
 }
 
 fn code(args: &[&str]) -> (Option<i32>, String) {
     let out = muslin(args);
-    (out.status.code(), String::from_utf8_lossy(&out.stderr).into_owned())
+    (
+        out.status.code(),
+        String::from_utf8_lossy(&out.stderr).into_owned(),
+    )
 }
 
 /// A folder of its own, removed in the end.
@@ -41,8 +47,9 @@ impl Drop for Folder {
 
 fn names(folder: &str) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut names: Vec<String> =
-        entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+    let mut names: Vec<String> = entries
+        .map(|e| e.file_name().to_string_lossy().into_owned())
+        .collect();
     names.sort();
     names
 }
@@ -52,15 +59,36 @@ fn the_demo_writes_a_figure_pictures_and_a_report() {
     let folder = Folder::new("demo");
     let out = folder.at("out");
     let done = muslin(&[
-        "demo", "--garment", "tee", "--edge", "25", "--overlay", "--allow-crossings", "--height",
-        "172", "-o", &out,
+        "demo",
+        "--garment",
+        "tee",
+        "--edge",
+        "25",
+        "--overlay",
+        "--allow-crossings",
+        "--height",
+        "172",
+        "-o",
+        &out,
     ]);
     let errors = String::from_utf8_lossy(&done.stderr);
     assert_eq!(done.status.code(), Some(0), "{errors}");
-    for stage in ["[1/5] pose", "[2/5] body", "[3/5] outfit", "[4/5] drape", "[5/5] write"] {
+    for stage in [
+        "[1/5] pose",
+        "[2/5] body",
+        "[3/5] outfit",
+        "[4/5] drape",
+        "[5/5] write",
+    ] {
         assert!(errors.contains(stage), "{stage} is not told:\n{errors}");
     }
-    let files = ["front.png", "look.glb", "overlay.png", "report.json", "turntable.png"];
+    let files = [
+        "front.png",
+        "look.glb",
+        "overlay.png",
+        "report.json",
+        "turntable.png",
+    ];
     assert_eq!(names(&out), files);
     let glb = std::fs::read(Path::new(&out).join("look.glb")).expect("it was written");
     assert_eq!(&glb[..4], b"glTF");
@@ -76,8 +104,16 @@ fn a_built_in_pose_needs_no_photo_and_gives_the_same_bytes_twice() {
     let folder = Folder::new("pose");
     let run = |name: &str| {
         let out = folder.at(name);
-        let args =
-            ["dress", "--pose", "t-pose", "--garment", "tee", "--edge", "25", "--allow-crossings"];
+        let args = [
+            "dress",
+            "--pose",
+            "t-pose",
+            "--garment",
+            "tee",
+            "--edge",
+            "25",
+            "--allow-crossings",
+        ];
         let (status, errors) = code(&[&args[..], &["--json", "-q", "-o", &out]].concat());
         assert_eq!(status, Some(0), "{errors}");
         assert!(errors.is_empty(), "quiet means quiet: {errors}");
@@ -88,10 +124,17 @@ fn a_built_in_pose_needs_no_photo_and_gives_the_same_bytes_twice() {
 
 #[test]
 fn lists_tell_what_there_is() {
-    for (what, name) in [("garments", "trousers"), ("fabrics", "cotton-jersey"), ("poses", "walk")] {
+    for (what, name) in [
+        ("garments", "trousers"),
+        ("fabrics", "cotton-jersey"),
+        ("poses", "walk"),
+    ] {
         let out = muslin(&["list", what]);
         assert_eq!(out.status.code(), Some(0));
-        assert!(String::from_utf8_lossy(&out.stdout).contains(name), "{what}");
+        assert!(
+            String::from_utf8_lossy(&out.stdout).contains(name),
+            "{what}"
+        );
     }
 }
 
@@ -103,15 +146,39 @@ fn bad_input_ends_with_its_code_a_hint_and_no_file() {
     let whole = folder.put("whole.jpg", photo);
     let cases: Vec<(&str, Vec<String>, i32)> = vec![
         ("not a photo", vec![folder.put("a.jpg", b"<svg></svg>")], 3),
-        ("a cut photo", vec![folder.put("cut.jpg", &photo[..photo.len() / 2])], 3),
+        (
+            "a cut photo",
+            vec![folder.put("cut.jpg", &photo[..photo.len() / 2])],
+            3,
+        ),
         ("an empty file", vec![folder.put("empty.png", b"")], 3),
         ("no file", vec![folder.at("missing.jpg")], 5),
         ("a folder", vec![folder.at(".")], 5),
-        ("a picture of nothing", vec![folder.put("grey.png", &grey())], 3),
-        ("no such garment", vec![whole.clone(), "--garment".into(), "kilt".into()], 2),
-        ("no such fabric", vec![whole.clone(), "--fabric".into(), "lead".into()], 2),
-        ("a giant", vec![whole.clone(), "--height".into(), "17200".into()], 2),
-        ("person 9", vec![whole.clone(), "--person".into(), "9".into()], 3),
+        (
+            "a picture of nothing",
+            vec![folder.put("grey.png", &grey())],
+            3,
+        ),
+        (
+            "no such garment",
+            vec![whole.clone(), "--garment".into(), "kilt".into()],
+            2,
+        ),
+        (
+            "no such fabric",
+            vec![whole.clone(), "--fabric".into(), "lead".into()],
+            2,
+        ),
+        (
+            "a giant",
+            vec![whole.clone(), "--height".into(), "17200".into()],
+            2,
+        ),
+        (
+            "person 9",
+            vec![whole.clone(), "--person".into(), "9".into()],
+            3,
+        ),
         ("no such pose", vec!["--pose".into(), "wlak".into()], 2),
     ];
     for (what, args, want) in cases {
@@ -131,7 +198,10 @@ fn a_place_that_cannot_be_written_is_told_before_the_work() {
     let inside = Path::new(&file).join("out").display().to_string();
     let (status, errors) = code(&["demo", "-o", &inside]);
     assert_eq!(status, Some(5), "{errors}");
-    assert!(!errors.contains("[4/5]"), "the work was done for nothing: {errors}");
+    assert!(
+        !errors.contains("[4/5]"),
+        "the work was done for nothing: {errors}"
+    );
 }
 
 #[test]

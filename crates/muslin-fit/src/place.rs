@@ -52,7 +52,6 @@ pub fn world(
     pose.rotations[root.bone] = DQuat::from_mat3(&turn) * guess.turns[root.group];
     pose.root = world_from_camera.transform_point3(guess.root) - features[0];
     spread_twists(avatar, folded, features, &mut pose);
-    relax_fingers(avatar, &mut pose);
     (pose, world_from_camera)
 }
 
@@ -143,33 +142,6 @@ fn spread_twists(avatar: &Avatar, folded: &Folded, features: &[DVec3], pose: &mu
                 let moved = half_twist(pose.rotations[upper], axis);
                 pose.rotations[upper] *= moved.inverse();
                 pose.rotations[lower] = moved * pose.rotations[lower];
-            }
-        }
-    }
-}
-
-/// Fingers of a hand that does nothing curl a little at every joint [rad]; no picture of a
-/// whole person shows more.
-const CURL: [f64; 3] = [0.25, 0.35, 0.25];
-
-fn relax_fingers(avatar: &Avatar, pose: &mut Pose) {
-    let head = |name: &str| {
-        avatar
-            .bone(name)
-            .map(|b| avatar.mean()[avatar.head_point(b)])
-    };
-    for (side, sense) in [("L", -1.0), ("R", 1.0)] {
-        let at = |name: &str| head(&format!("{name}.{side}"));
-        let (Ok(index), Ok(little)) = (at("finger2-1"), at("finger5-1")) else {
-            continue;
-        };
-        // Across the knuckles, so that fingers turn toward the palm.
-        let axis = (index - little).normalize_or(DVec3::Z) * sense;
-        for finger in 2..=5 {
-            for (k, curl) in CURL.iter().enumerate() {
-                if let Ok(bone) = avatar.bone(&format!("finger{finger}-{}.{side}", k + 1)) {
-                    pose.rotations[bone] = DQuat::from_axis_angle(axis, *curl);
-                }
             }
         }
     }

@@ -299,7 +299,10 @@ impl<'a, 'w> Job<'a, 'w> {
         model: &Model,
         (outfit, dressed): (&Outfit, &Dressed),
     ) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
-        let who = (self.avatar, &model.sitter);
+        let sitter = model
+            .sitter
+            .with_skin(self.avatar, &dressed.quality.settled.body);
+        let who = (self.avatar, &sitter);
         let figure = files::scene(who, outfit, dressed);
         files::check_stored(self.avatar, &figure)?;
         let file = glb(&figure, &muslin_io::GlbOptions::default());
@@ -315,7 +318,7 @@ impl<'a, 'w> Job<'a, 'w> {
         if let Some((camera, photo)) = &model.over {
             files.push((
                 "overlay.png",
-                png(&look::over_photo(who.0, who.1, camera, photo)),
+                png(&look::over_photo(who.0, &model.sitter, camera, photo)),
             ));
         }
         Ok(files)

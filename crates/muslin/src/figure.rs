@@ -20,7 +20,8 @@ impl Sitter {
     /// Somebody of this shape in this pose.
     pub fn new(avatar: &Avatar, shape: &Shape, mut pose: Pose) -> Result<Self, Failure> {
         let figure = avatar.figure(shape).map_err(|e| body_failure(&e))?;
-        pose.relax_hands(avatar, &figure).map_err(|e| body_failure(&e))?;
+        pose.relax_hands(avatar, &figure)
+            .map_err(|e| body_failure(&e))?;
         let posed = avatar.pose(&figure, &pose);
         if posed.verts.iter().any(|v| !v.is_finite()) {
             return Err(Failure::new(
@@ -34,6 +35,14 @@ impl Sitter {
             pose,
             posed,
         })
+    }
+
+    /// The same person with the skin [m] that cloth was draped on: where a pose folds the body into
+    /// itself, flesh gives way.
+    pub fn with_skin(&self, avatar: &Avatar, skin: &[DVec3]) -> Self {
+        let mut other = self.clone();
+        other.posed.verts[avatar.part(Part::Body)].copy_from_slice(skin);
+        other
     }
 
     /// The skin's vertices [m] on the way from the rest pose to the pose, both included.

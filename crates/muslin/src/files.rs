@@ -32,15 +32,25 @@ pub fn scene((avatar, sitter): (&Avatar, &Sitter), outfit: &Outfit, dressed: &Dr
 
 /// Checks what a reader of the file will see, rounding included: no garment meets the body.
 pub fn check_stored(avatar: &Avatar, scene: &Scene) -> Result<(), Failure> {
-    let Some((body, garments)) = scene.nodes.split_first() else { return Ok(()) };
-    let skin = Mesh { verts: stored_positions(body), faces: avatar.collision_faces().to_vec() };
+    let Some((body, garments)) = scene.nodes.split_first() else {
+        return Ok(());
+    };
+    let skin = Mesh {
+        verts: stored_positions(body),
+        faces: avatar.collision_faces().to_vec(),
+    };
     for garment in garments {
-        let cloth = Mesh { verts: stored_positions(garment), faces: garment.mesh.faces.clone() };
+        let cloth = Mesh {
+            verts: stored_positions(garment),
+            faces: garment.mesh.faces.clone(),
+        };
         let n = intersecting_pairs(&cloth, &skin).len();
         if n > 0 {
             let what = format!("{n} pairs of cloth and body triangles meet in the stored file");
             let fault = Failure::new(Exit::Quality, "cloth-in-body", what);
-            return Err(fault.at(garment.name.clone()).hint("try --cut loose, or a finer --edge"));
+            return Err(fault
+                .at(garment.name.clone())
+                .hint("try --cut loose, or a finer --edge"));
         }
     }
     Ok(())

@@ -32,7 +32,11 @@ pub fn stranger(seed: u64) -> Shape {
     let mut dice = Dice(seed.wrapping_mul(0x5851_f42d_4c95_7f2d));
     let mut shape = Shape::default();
     for (name, value) in PHENOTYPES.iter().zip(&mut shape.phenotypes) {
-        let (low, high) = if *name == "age" { (2.0 / 3.0, 1.0) } else { (0.0, 1.0) };
+        let (low, high) = if *name == "age" {
+            (2.0 / 3.0, 1.0)
+        } else {
+            (0.0, 1.0)
+        };
         *value = low + (high - low) * (0.1 + 0.8 * dice.roll());
     }
     shape
@@ -82,9 +86,16 @@ pub fn moments(data: &Path, count: usize) -> Result<Vec<Moment>, Failure> {
         let read = bvh::read(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
         let n = read.recording.frames.len();
         let frame = ((0.1 + 0.85 * dice.roll()) * n as f64) as usize;
-        let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let stem = path
+            .file_stem()
+            .map(|s| s.to_string_lossy().into_owned())
+            .unwrap_or_default();
         let name = format!("{stem} frame {frame}");
-        out.push(Moment { name, recording: read.recording.into(), frame });
+        out.push(Moment {
+            name,
+            recording: read.recording.into(),
+            frame,
+        });
     }
     Ok(out)
 }
@@ -96,7 +107,10 @@ pub fn photos(data: &Path) -> Result<Vec<PathBuf>, Failure> {
         Failure::new(Exit::Files, "no-data", e.to_string()).at(folder.display().to_string())
     })?;
     let mut files: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
-    files.retain(|p| p.extension().is_some_and(|e| e == "jpg" || e == "png" || e == "webp"));
+    files.retain(|p| {
+        p.extension()
+            .is_some_and(|e| e == "jpg" || e == "png" || e == "webp")
+    });
     files.sort();
     Ok(files)
 }

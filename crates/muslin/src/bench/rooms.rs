@@ -32,15 +32,25 @@ pub fn body() -> Result<String, Failure> {
     let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
     let pose = Pose::stance(&avatar, &figure, "walk").map_err(|e| body_failure(&e))?;
     let mut table = head();
-    table.row(["shape to figure", &least_of(RUNS, || avatar.figure(&shape)).text()]);
-    table.row(["figure to posed body", &least_of(RUNS, || avatar.pose(&figure, &pose)).text()]);
+    table.row([
+        "shape to figure",
+        &least_of(RUNS, || avatar.figure(&shape)).text(),
+    ]);
+    table.row([
+        "figure to posed body",
+        &least_of(RUNS, || avatar.pose(&figure, &pose)).text(),
+    ]);
     Ok(done(&table))
 }
 
 /// Detector and landmarks on every photo, one thread.
 pub fn pose(data: Option<&Path>) -> Result<String, Failure> {
     let models = models()?;
-    let mut table = Table::new(&["photo", "people", "detector and landmarks, least of 20 runs"]);
+    let mut table = Table::new(&[
+        "photo",
+        "people",
+        "detector and landmarks, least of 20 runs",
+    ]);
     for path in crowd::photos(needed(data)?)? {
         let photo = read_photo(&path, &PhotoLimits::default()).map_err(|e| file_failure(&e))?;
         let image = flatten(&photo.image, [255; 3]);
@@ -57,7 +67,13 @@ pub fn fit(data: Option<&Path>) -> Result<String, Failure> {
     let fitter = Fitter::new(&avatar)
         .map_err(|e| Failure::new(crate::Exit::Invalid, "fit", e.to_string()))?;
     let models = models()?;
-    let mut table = Table::new(&["photo", "reprojection px", "with 3D", "2D only", "photo to body"]);
+    let mut table = Table::new(&[
+        "photo",
+        "reprojection px",
+        "with 3D",
+        "2D only",
+        "photo to body",
+    ]);
     for path in crowd::photos(needed(data)?)? {
         let photo = read_photo(&path, &PhotoLimits::default()).map_err(|e| file_failure(&e))?;
         table.row(fit_row(&fitter, &models, &photo));
@@ -69,9 +85,18 @@ fn fit_row(fitter: &Fitter, models: &Models, photo: &muslin_io::Photo) -> [Strin
     let image = flatten(&photo.image, [255; 3]);
     let found = find_people(models, &image);
     let Some(person) = found.people.first() else {
-        return [photo.file.clone(), "nobody".into(), String::new(), String::new(), String::new()];
+        return [
+            photo.file.clone(),
+            "nobody".into(),
+            String::new(),
+            String::new(),
+            String::new(),
+        ];
     };
-    let flat = Keypoints { world: None, ..person.keypoints.clone() };
+    let flat = Keypoints {
+        world: None,
+        ..person.keypoints.clone()
+    };
     let fit = |k: &Keypoints| fitter.fit(k, &FitOptions::default());
     let px = match fit(&person.keypoints) {
         Ok(fit) => format!("{:.2}", fit.reprojection_px),
@@ -82,5 +107,11 @@ fn fit_row(fitter: &Fitter, models: &Models, photo: &muslin_io::Photo) -> [Strin
         let found = find_people(models, &image);
         found.people.first().map(|p| fit(&p.keypoints))
     });
-    [photo.file.clone(), px, both[0].text(), both[1].text(), whole.text()]
+    [
+        photo.file.clone(),
+        px,
+        both[0].text(),
+        both[1].text(),
+        whole.text(),
+    ]
 }

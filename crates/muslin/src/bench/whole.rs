@@ -38,13 +38,15 @@ impl Tally {
         };
         let (q, s) = (&dressed.quality, &dressed.quality.settled);
         if s.body_intersections > 0 {
-            self.in_body.push(format!("{name}: {}", s.body_intersections));
+            self.in_body
+                .push(format!("{name}: {}", s.body_intersections));
         }
         if s.self_crossings > 0 {
             self.crossed.push(format!("{name}: {}", s.self_crossings));
         }
         if !q.within_limits() {
-            self.stretched.push(format!("{name}: {:.1} %", q.stretch_p99() * 100.0));
+            self.stretched
+                .push(format!("{name}: {:.1} %", q.stretch_p99() * 100.0));
         }
         self.restless += usize::from(!s.converged);
     }
@@ -75,9 +77,10 @@ impl Tally {
             ("crosses itself", &self.crossed),
             ("beyond its limit", &self.stretched),
         ];
-        let lines = kinds.into_iter().filter(|(_, list)| !list.is_empty()).map(|(kind, list)| {
-            format!("{garment}, {kind}: {}", list.join("; "))
-        });
+        let lines = kinds
+            .into_iter()
+            .filter(|(_, list)| !list.is_empty())
+            .map(|(kind, list)| format!("{garment}, {kind}: {}", list.join("; ")));
         lines.collect::<Vec<_>>().join("\n")
     }
 }
@@ -87,11 +90,22 @@ pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
     let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
     let moments = crowd::moments(needed(data)?, cases)?;
     let mut table = Table::new(&[
-        "garment", "cases", "failed", "in body", "crossed", "stretched", "moving", "median s", "worst s",
+        "garment",
+        "cases",
+        "failed",
+        "in body",
+        "crossed",
+        "stretched",
+        "moving",
+        "median s",
+        "worst s",
     ]);
     let mut words = Vec::new();
     for garment in ["tee", "trousers"] {
-        let options = DressOptions { outfit: vec![Wear::parse(garment)], ..Default::default() };
+        let options = DressOptions {
+            outfit: vec![Wear::parse(garment)],
+            ..Default::default()
+        };
         let outfit = Outfit::make(&avatar, &options, |_| {})?;
         let mut tally = Tally::default();
         for k in 0..cases * cases {
@@ -101,14 +115,23 @@ pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
             let sitter = Sitter::new(&avatar, &shape, moment.pose(&avatar, &figure)?)?;
             let since = Instant::now();
             let result = drape_outfit(&avatar, &outfit, &sitter);
-            tally.add(&format!("body {body}, {}", moment.name), result, since.elapsed().as_secs_f64());
+            tally.add(
+                &format!("body {body}, {}", moment.name),
+                result,
+                since.elapsed().as_secs_f64(),
+            );
             eprint!("\r{garment} {}/{}", k + 1, cases * cases);
         }
         eprintln!();
         table.row(tally.row(garment));
         words.push(tally.words(garment));
     }
-    Ok(format!("{}\n{}\n{}", table.text(), words.join("\n"), load()))
+    Ok(format!(
+        "{}\n{}\n{}",
+        table.text(),
+        words.join("\n"),
+        load()
+    ))
 }
 
 /// The whole job on the built-in photo, one garment; then the drapes, if there is data.
@@ -132,7 +155,12 @@ pub fn dress(data: Option<&Path>) -> Result<String, Failure> {
     let _ = std::fs::remove_dir_all(&out);
     match fault {
         Some(fault) => Err(fault),
-        None => Ok(format!("{}\n{}\n{}", table.text(), each?.unwrap_or_default(), load())),
+        None => Ok(format!(
+            "{}\n{}\n{}",
+            table.text(),
+            each?.unwrap_or_default(),
+            load()
+        )),
     }
 }
 
@@ -144,7 +172,10 @@ fn each_photo(data: &Path, out: &Path) -> Result<String, Failure> {
         let job = whole_job(&path, out, &DressOptions::default(), &mut Watch::nobody());
         let seconds = format!("{:.2}", since.elapsed().as_secs_f64());
         let result = job.map_or_else(|e| e.to_string().replace('\n', " "), |_| "ok".to_owned());
-        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let name = path
+            .file_name()
+            .map(|n| n.to_string_lossy().into_owned())
+            .unwrap_or_default();
         table.row([name, seconds, result]);
     }
     Ok(table.text())
