@@ -31,6 +31,8 @@ pub struct Garment {
     pub pins: Vec<u32>,
     /// The openings.
     pub rims: Vec<Rim>,
+    /// How much shorter than its place on the form each face is knitted: the neckband's pull.
+    snug: Vec<f64>,
     /// How far each vertex lies off the tights on the default body [m].
     offset: Vec<DVec3>,
     net: Net,
@@ -50,7 +52,8 @@ pub struct Rim {
 pub struct Worn {
     /// Vertices [m].
     pub verts: Vec<DVec3>,
-    /// The cloth without strain: each face's corners on the cloth [m], x weft, y warp.
+    /// The cloth without strain: each face's corners on the cloth [m], x weft, y warp. The same
+    /// shape as in `verts`, but for a neckband, which pulls.
     pub rest: Vec<[DVec2; 3]>,
 }
 
@@ -87,6 +90,7 @@ impl Garment {
             binding,
             pins: pins(&rims),
             rims,
+            snug: vec![],
             offset: x
                 .iter()
                 .zip(&sheet.rows)
@@ -95,6 +99,7 @@ impl Garment {
             net,
         };
         let x = garment.settled(&stand, &[], None);
+        garment.snug = snug(&garment.rims, &garment.faces, &x);
         garment.draw_pattern(&stand, &x, &sheet.rows);
         Ok(garment)
     }
@@ -191,12 +196,17 @@ impl Garment {
 
     /// Each face's own shape at `x`, turned so that the grain is upright.
     fn rest(&self, x: &[DVec3]) -> Vec<[DVec2; 3]> {
-        let turned = |(f, uv): (&[u32; 3], &[DVec2; 3])| {
+        let turned = |((f, uv), snug): ((&[u32; 3], &[DVec2; 3]), &f64)| {
             let flat = lay_flat(f.map(|i| x[i as usize]));
             let r = turn(&flat, uv);
-            flat.map(|p| r.rotate(p))
+            flat.map(|p| r.rotate(p) * *snug)
         };
-        self.faces.iter().zip(&self.uv).map(turned).collect()
+        self.faces
+            .iter()
+            .zip(&self.uv)
+            .zip(&self.snug)
+            .map(turned)
+            .collect()
     }
 
     fn draw_pattern(&mut self, stand: &Stand, x: &[DVec3], rows: &[Row]) {
@@ -211,6 +221,28 @@ impl Garment {
         self.panel = laid.iter().map(|l| l.panel as u8).collect();
         self.uv = flatten(x, &self.faces, &laid);
     }
+}
+
+/// A neckband is ribbed: this much shorter than the neckline, over this width [m].
+const NECKBAND: (f64, f64) = (0.05, 0.02);
+
+/// How much shorter each face is than where it lies, 1 away from the neckband.
+fn snug(rims: &[Rim], faces: &[[u32; 3]], x: &[DVec3]) -> Vec<f64> {
+    let neck = rims
+        .iter()
+        .filter(|r| r.opening == Opening::Neck)
+        .flat_map(|r| &r.verts);
+    let neck: Vec<DVec3> = neck.map(|&i| x[i as usize]).collect();
+    let (pull, width) = NECKBAND;
+    let short = |f: &[u32; 3]| {
+        let middle = f.iter().map(|&i| x[i as usize]).sum::<DVec3>() / 3.0;
+        let off = neck
+            .iter()
+            .map(|p| p.distance(middle))
+            .fold(f64::MAX, f64::min);
+        1.0 - pull * (1.0 - off / width).clamp(0.0, 0.5) * 2.0
+    };
+    faces.iter().map(short).collect()
 }
 
 /// The mean of a per-vertex share over three rows.

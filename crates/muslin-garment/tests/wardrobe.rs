@@ -195,12 +195,13 @@ fn a_tucked_shirt_lies_inside_the_trousers() {
 }
 
 #[test]
-fn cloth_starts_without_strain_and_the_pattern_is_true_to_size() {
+fn only_a_neckband_starts_strained_and_the_pattern_is_true_to_size() {
     let figure = figure(&[]);
     for garment in [tee(), trousers()] {
         let worn = garment
             .worn(avatar(), &figure, &[])
             .expect("an embedded avatar");
+        let mut strained = 0;
         for (f, rest) in garment.faces.iter().zip(&worn.rest) {
             let p = f.map(|i| worn.verts[i as usize]);
             for k in 0..3 {
@@ -208,13 +209,22 @@ fn cloth_starts_without_strain_and_the_pattern_is_true_to_size() {
                     (p[(k + 1) % 3] - p[k]).length(),
                     (rest[(k + 1) % 3] - rest[k]).length(),
                 );
-                assert!((want - got).abs() < 1e-9, "{got} for {want}");
+                let pull = 1.0 - got / want;
+                assert!((-1e-9..0.051).contains(&pull), "{got} for {want}");
+                strained += usize::from(pull > 1e-9);
             }
             assert!(
                 (rest[1] - rest[0]).perp_dot(rest[2] - rest[0]) > 0.0,
                 "face down"
             );
         }
+        let band = if garment.name == "tee" { 0.06 } else { 0.0 };
+        let share = strained as f64 / (3 * garment.faces.len()) as f64;
+        assert!(
+            share <= band,
+            "{}: {share:.3} of the edges pull",
+            garment.name
+        );
         let area = |t: &[glam::DVec2; 3]| (t[1] - t[0]).perp_dot(t[2] - t[0]) / 2.0;
         let (uv, rest) = (
             garment.uv.iter().map(area).sum::<f64>(),

@@ -62,7 +62,7 @@ impl Tee {
             cuff_ease: cuff,
             sleeve: 0.72,
             hem: 0.035,
-            neck_width: 0.012,
+            neck_width: 0.017,
             neck_depth: 0.025,
             edge: 0.012,
         }
