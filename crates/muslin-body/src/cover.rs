@@ -9,18 +9,11 @@ const LEG: f64 = 0.06;
 /// How far from the base of the neck the neckline runs [m], on the mean body.
 const NECKLINE: f64 = 0.095;
 
-/// Bones of the arms, by how their names start.
-const ARM: [&str; 6] = [
-    "shoulder",
-    "upperarm",
-    "lowerarm",
-    "wrist",
-    "finger",
-    "metacarpal",
-];
+/// Bones from which on the body is an arm.
+const ARMS: [&str; 2] = ["shoulder01.L", "shoulder01.R"];
 
-/// Bones of the head and the upper neck.
-const HEAD: [&str; 6] = ["neck02", "neck03", "head", "jaw", "special", "oris"];
+/// Bones from which on the body is a head.
+const HEAD: [&str; 1] = ["neck02"];
 
 impl Avatar {
     /// How deep every vertex lies under a plain sleeveless suit from shoulder to upper thigh.
@@ -30,12 +23,13 @@ impl Avatar {
     pub fn base_layer(&self) -> Vec<f64> {
         let neck = self.mean_joint("neck01");
         let hem = self.mean_crotch() - LEG;
+        let (arms, head) = (self.beyond(&ARMS), self.beyond(&HEAD));
         let depth = |i: usize| {
             let x = self.parts.mean[i];
             let hem_depth = x.y - hem;
             let neck_depth = x.distance(neck + DVec3::new(0.0, 0.01, 0.0)) - NECKLINE;
-            let head_depth = (0.5 - self.share(i, &HEAD)) * 0.15;
-            let arm_depth = (0.45 - self.share(i, &ARM)) * 0.15;
+            let head_depth = (0.5 - self.share(i, &head)) * 0.15;
+            let arm_depth = (0.45 - self.share(i, &arms)) * 0.15;
             hem_depth.min(neck_depth).min(head_depth).min(arm_depth)
         };
         let body = self.part(Part::Body);
@@ -57,14 +51,21 @@ impl Avatar {
         middle.map(|v| v.y).fold(f64::MAX, f64::min)
     }
 
-    /// How much of a vertex moves with bones whose names start like one of these.
-    fn share(&self, vertex: usize, names: &[&str]) -> f64 {
-        let ours = |b: u32| {
-            names
-                .iter()
-                .any(|n| self.rig().bones[b as usize].name.starts_with(n))
-        };
+    /// For every bone, whether it is one of these or hangs from one.
+    fn beyond(&self, names: &[&str]) -> Vec<bool> {
+        let rig = self.rig();
+        let roots: Vec<usize> = names.iter().filter_map(|n| self.bone(n).ok()).collect();
+        (0..rig.n_bones())
+            .map(|b| roots.iter().any(|&r| rig.descends(b, r)))
+            .collect()
+    }
+
+    /// How much of a vertex moves with these bones.
+    fn share(&self, vertex: usize, ours: &[bool]) -> f64 {
         let row = self.rig().weights.row(vertex);
-        row.iter().filter(|&&(b, _)| ours(b)).map(|&(_, w)| w).sum()
+        row.iter()
+            .filter(|&&(b, _)| ours[b as usize])
+            .map(|&(_, w)| w)
+            .sum()
     }
 }

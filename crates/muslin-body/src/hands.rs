@@ -5,8 +5,12 @@ use glam::{DQuat, DVec3};
 use crate::{Avatar, BodyError, Figure, Pose};
 
 /// How far the three joints of a finger curl towards the palm [degrees], index to little finger.
-const CURL: [[f64; 3]; 4] =
-    [[16.0, 24.0, 14.0], [20.0, 28.0, 16.0], [24.0, 30.0, 18.0], [28.0, 32.0, 20.0]];
+const CURL: [[f64; 3]; 4] = [
+    [16.0, 24.0, 14.0],
+    [20.0, 28.0, 16.0],
+    [24.0, 30.0, 18.0],
+    [28.0, 32.0, 20.0],
+];
 /// The same for the thumb.
 const THUMB: [f64; 3] = [10.0, 8.0, 10.0];
 /// Share of its spread from the middle finger that a finger gives up.
@@ -25,7 +29,8 @@ impl Pose {
                 avatar.bone(&format!("finger{finger}-{joint}.{side}"))
             };
             let wrist = figure.joints[avatar.bone(&format!("wrist.{side}"))?];
-            let [index, middle, little] = PALM.map(|f| bone(f, 1).map(|b| figure.joints[b] - wrist));
+            let [index, middle, little] =
+                PALM.map(|f| bone(f, 1).map(|b| figure.joints[b] - wrist));
             // Towards the palm: the cross product points there on the right hand only.
             let palm = (sign * index?.cross(little?)).normalize_or_zero();
             let ahead = middle?;
@@ -36,10 +41,18 @@ impl Pose {
                         continue;
                     }
                     let along = figure.tails[b] - figure.joints[b];
-                    let degrees = if finger == 1 { THUMB[joint - 1] } else { CURL[finger - 2][joint - 1] };
+                    let degrees = if finger == 1 {
+                        THUMB[joint - 1]
+                    } else {
+                        CURL[finger - 2][joint - 1]
+                    };
                     let curl = turn(along.cross(palm), degrees.to_radians());
                     let closes = finger > 1 && joint == 1;
-                    let close = if closes { closing(along, ahead, palm) } else { DQuat::IDENTITY };
+                    let close = if closes {
+                        closing(along, ahead, palm)
+                    } else {
+                        DQuat::IDENTITY
+                    };
                     self.rotations[b] = close * curl;
                 }
             }
@@ -57,7 +70,8 @@ fn closing(along: DVec3, ahead: DVec3, palm: DVec3) -> DQuat {
 
 /// A turn about an axis of any length; none about a zero axis.
 fn turn(axis: DVec3, angle: f64) -> DQuat {
-    axis.try_normalize().map_or(DQuat::IDENTITY, |a| DQuat::from_axis_angle(a, angle))
+    axis.try_normalize()
+        .map_or(DQuat::IDENTITY, |a| DQuat::from_axis_angle(a, angle))
 }
 
 #[cfg(test)]
@@ -70,7 +84,9 @@ mod tests {
         let avatar = Avatar::embedded().expect("the embedded body decodes");
         let figure = avatar.figure(&Shape::default()).expect("an adult");
         let mut relaxed = Pose::rest(&avatar);
-        relaxed.relax_hands(&avatar, &figure).expect("the default rig has fingers");
+        relaxed
+            .relax_hands(&avatar, &figure)
+            .expect("the default rig has fingers");
         let tip = |pose: &Pose, name: &str| {
             let b = avatar.bone(name).expect("a bone");
             avatar.pose(&figure, pose).bones[b].transform_point3(figure.tails[b])

@@ -17,9 +17,9 @@ mod report;
 mod scene;
 mod sha256;
 mod sniff;
-mod tflite;
 #[cfg(test)]
 mod testing;
+mod tflite;
 
 pub use error::{Fault, IoError, Place, name, quote};
 pub use glb::{GlbOptions, glb, stored_positions};

@@ -17,5 +17,8 @@ pub struct PoseGraphs {
 
 /// Reads the embedded pose networks; an error means a damaged program.
 pub fn pose_graphs() -> Result<PoseGraphs, TfliteError> {
-    Ok(PoseGraphs { detector: read_tflite(DETECTOR)?, landmarks: read_tflite(LANDMARKS)? })
+    Ok(PoseGraphs {
+        detector: read_tflite(DETECTOR)?,
+        landmarks: read_tflite(LANDMARKS)?,
+    })
 }

@@ -34,7 +34,10 @@ pub struct TfliteError {
 
 impl TfliteError {
     fn new(at: usize, what: impl Into<String>) -> Self {
-        Self { at, what: what.into() }
+        Self {
+            at,
+            what: what.into(),
+        }
     }
 }
 
@@ -43,14 +46,26 @@ impl TfliteError {
 /// The graph's shapes are as the file states them; [`muslin_net::Net`] proves them.
 pub fn read_tflite(bytes: &[u8]) -> Result<Graph, TfliteError> {
     if bytes.len() > MOST_BYTES {
-        return Err(TfliteError::new(0, format!("{} bytes are too many", bytes.len())));
+        return Err(TfliteError::new(
+            0,
+            format!("{} bytes are too many", bytes.len()),
+        ));
     }
     let model = Table::root(bytes, *b"TFL3")?;
     match model.u32(0, 0)? {
         3 => {}
-        v => return Err(TfliteError::new(model.at(), format!("schema version {v}, not 3"))),
+        v => {
+            return Err(TfliteError::new(
+                model.at(),
+                format!("schema version {v}, not 3"),
+            ));
+        }
     }
-    let codes = model.tables(1, MOST_ITEMS)?.into_iter().map(code).collect::<Result<Vec<i32>, _>>()?;
+    let codes = model
+        .tables(1, MOST_ITEMS)?
+        .into_iter()
+        .map(code)
+        .collect::<Result<Vec<i32>, _>>()?;
     let [main] = model.tables(2, MOST_ITEMS)?[..] else {
         return Err(TfliteError::new(model.at(), "not exactly one subgraph"));
     };
@@ -58,7 +73,10 @@ pub fn read_tflite(bytes: &[u8]) -> Result<Graph, TfliteError> {
     let tensors = main.tables(0, MOST_ITEMS)?;
     let mut store = Store::new(&tensors, &buffers)?;
     let mut graph = Graph {
-        tensors: tensors.iter().map(|t| tensor(*t)).collect::<Result<_, _>>()?,
+        tensors: tensors
+            .iter()
+            .map(|t| tensor(*t))
+            .collect::<Result<_, _>>()?,
         inputs: indices(main, 1, tensors.len())?,
         outputs: indices(main, 2, tensors.len())?,
         nodes: Vec::new(),
@@ -97,9 +115,10 @@ fn shape(table: Table<'_>) -> Result<Vec<usize>, TfliteError> {
 /// Indices below `n`.
 fn indices(table: Table<'_>, field: usize, n: usize) -> Result<Vec<usize>, TfliteError> {
     let index = |&i: &i32| {
-        usize::try_from(i).ok().filter(|&i| i < n).ok_or_else(|| {
-            TfliteError::new(table.at(), format!("tensor {i} of {n}"))
-        })
+        usize::try_from(i)
+            .ok()
+            .filter(|&i| i < n)
+            .ok_or_else(|| TfliteError::new(table.at(), format!("tensor {i} of {n}")))
     };
     table.i32s(field, 256)?.iter().map(index).collect()
 }

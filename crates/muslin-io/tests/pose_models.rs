@@ -16,7 +16,9 @@ fn made_up(kind: &str, shape: &[usize], low: f32) -> Vec<f32> {
             (((3 * x + 5 * y + 40 * k) % 64) as f32 / 32.0 - 1.0).abs()
         }
     };
-    (0..shape.iter().product()).map(|i| unit(i) * (1.0 - low) + low).collect()
+    (0..shape.iter().product())
+        .map(|i| unit(i) * (1.0 - low) + low)
+        .collect()
 }
 
 /// All outputs of a network for a made-up input.
@@ -35,18 +37,33 @@ fn assert_line(line: &str, got: &[Vec<f32>]) {
     let number = |w: &str| w.parse::<f32>().expect("the stored values are numbers");
     let out = &got[number(words[2]) as usize];
     let (size, stride) = (number(words[3]), number(words[4]) as usize);
-    assert_eq!(words.len() - 5, out.len().div_ceil(stride), "{}", &line[..20]);
+    assert_eq!(
+        words.len() - 5,
+        out.len().div_ceil(stride),
+        "{}",
+        &line[..20]
+    );
     for (want, got) in words[5..].iter().zip(out.iter().step_by(stride)) {
         let off = (number(want) - got).abs() / size;
-        assert!(off <= TOLERANCE, "{}: {got} instead of {want}, off by {off:.1e}", &line[..20]);
+        assert!(
+            off <= TOLERANCE,
+            "{}: {got} instead of {want}, off by {off:.1e}",
+            &line[..20]
+        );
     }
 }
 
 #[test]
 fn tensors_agree_with_the_reference() {
-    let PoseGraphs { detector, landmarks } = pose_graphs().expect("the program is whole");
+    let PoseGraphs {
+        detector,
+        landmarks,
+    } = pose_graphs().expect("the program is whole");
     let stored = include_str!("golden/pose_tensors.txt");
-    for (which, graph, low) in [("detector", &detector, -1.0), ("landmarks", &landmarks, 0.0)] {
+    for (which, graph, low) in [
+        ("detector", &detector, -1.0),
+        ("landmarks", &landmarks, 0.0),
+    ] {
         for kind in ["noise", "waves"] {
             let got = outputs(graph, kind, low);
             let start = format!("{which} {kind} ");

@@ -64,7 +64,7 @@ fn on_a_sphere(threads: usize) -> Settled {
         drape(
             &cloth,
             &start,
-            (&[body.clone()], &body_faces),
+            (std::slice::from_ref(&body), &body_faces),
             &Options::default(),
         )
     };

@@ -28,21 +28,34 @@ impl<'a> Table<'a> {
     pub(super) fn root(file: &'a [u8], ident: [u8; 4]) -> Read<Self> {
         match file.get(4..8) {
             Some(found) if found == ident => Self::new(file, offset(file, 0)?),
-            _ => Err(TfliteError::new(4, format!("not marked {:?}", String::from_utf8_lossy(&ident)))),
+            _ => Err(TfliteError::new(
+                4,
+                format!("not marked {:?}", String::from_utf8_lossy(&ident)),
+            )),
         }
     }
 
     fn new(file: &'a [u8], at: usize) -> Read<Self> {
         let back = i32::from_le_bytes(array(file, at)?);
-        let start = i64::try_from(at).ok().and_then(|a| usize::try_from(a - i64::from(back)).ok());
+        let start = i64::try_from(at)
+            .ok()
+            .and_then(|a| usize::try_from(a - i64::from(back)).ok());
         let start = start.ok_or_else(|| TfliteError::new(at, "a vtable outside the file"))?;
         let len = usize::from(u16::from_le_bytes(array(file, start)?));
         let size = usize::from(u16::from_le_bytes(array(file, start + 2)?));
         let vtable = file.get(start..start + len).filter(|v| v.len() >= 4);
         let whole = at.checked_add(size).is_some_and(|end| end <= file.len());
         match vtable {
-            Some(vtable) if whole && size >= 4 => Ok(Self { file, at, size, vtable }),
-            _ => Err(TfliteError::new(start, format!("a vtable of {len} bytes for {size}"))),
+            Some(vtable) if whole && size >= 4 => Ok(Self {
+                file,
+                at,
+                size,
+                vtable,
+            }),
+            _ => Err(TfliteError::new(
+                start,
+                format!("a vtable of {len} bytes for {size}"),
+            )),
         }
     }
 
@@ -53,11 +66,16 @@ impl<'a> Table<'a> {
 
     /// Where field `i` lies, if it is there; it is `width` bytes.
     fn field(&self, i: usize, width: usize) -> Read<Option<usize>> {
-        let Some(slot) = self.vtable.get(4 + 2 * i..6 + 2 * i) else { return Ok(None) };
+        let Some(slot) = self.vtable.get(4 + 2 * i..6 + 2 * i) else {
+            return Ok(None);
+        };
         match usize::from(u16::from_le_bytes([slot[0], slot[1]])) {
             0 => Ok(None),
             o if o >= 4 && o + width <= self.size => Ok(Some(self.at + o)),
-            o => Err(TfliteError::new(self.at, format!("field {i} at {o} of {}", self.size))),
+            o => Err(TfliteError::new(
+                self.at,
+                format!("field {i} at {o} of {}", self.size),
+            )),
         }
     }
 
@@ -67,7 +85,9 @@ impl<'a> Table<'a> {
 
     pub(super) fn u32(&self, i: usize, default: u32) -> Read<u32> {
         let at = self.field(i, 4)?;
-        at.map_or(Ok(default), |at| Ok(u32::from_le_bytes(array(self.file, at)?)))
+        at.map_or(Ok(default), |at| {
+            Ok(u32::from_le_bytes(array(self.file, at)?))
+        })
     }
 
     pub(super) fn i32(&self, i: usize, default: i32) -> Read<i32> {
@@ -76,17 +96,23 @@ impl<'a> Table<'a> {
 
     pub(super) fn table(&self, i: usize) -> Read<Option<Self>> {
         let at = self.field(i, 4)?;
-        at.map(|at| Self::new(self.file, offset(self.file, at)?)).transpose()
+        at.map(|at| Self::new(self.file, offset(self.file, at)?))
+            .transpose()
     }
 
     fn vector(&self, i: usize, width: usize) -> Read<Option<Vector<'a>>> {
-        let Some(at) = self.field(i, 4)? else { return Ok(None) };
+        let Some(at) = self.field(i, 4)? else {
+            return Ok(None);
+        };
         let at = offset(self.file, at)?;
         let len = u32::from_le_bytes(array(self.file, at)?) as usize;
         let end = len.checked_mul(width).and_then(|n| n.checked_add(at + 4));
         match end.and_then(|end| self.file.get(at + 4..end)) {
             Some(bytes) => Ok(Some(Vector { at: at + 4, bytes })),
-            None => Err(TfliteError::new(at, format!("{len} elements reach beyond the file"))),
+            None => Err(TfliteError::new(
+                at,
+                format!("{len} elements reach beyond the file"),
+            )),
         }
     }
 
@@ -99,21 +125,34 @@ impl<'a> Table<'a> {
     pub(super) fn u16s(&self, i: usize) -> Read<Vec<u16>> {
         let vector = self.vector(i, 2)?;
         let bytes = vector.map_or(&[][..], |v| v.bytes);
-        Ok(bytes.as_chunks().0.iter().map(|b| u16::from_le_bytes(*b)).collect())
+        Ok(bytes
+            .as_chunks()
+            .0
+            .iter()
+            .map(|b| u16::from_le_bytes(*b))
+            .collect())
     }
 
     /// A vector of at most `most` numbers; empty if absent.
     pub(super) fn i32s(&self, i: usize, most: usize) -> Read<Vec<i32>> {
         match self.vector(i, 4)? {
             Some(v) if v.bytes.len() > most.saturating_mul(4) => Err(v.too_long(4, most)),
-            Some(v) => Ok(v.bytes.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b)).collect()),
+            Some(v) => Ok(v
+                .bytes
+                .as_chunks()
+                .0
+                .iter()
+                .map(|b| i32::from_le_bytes(*b))
+                .collect()),
             None => Ok(Vec::new()),
         }
     }
 
     /// A vector of at most `most` tables; empty if absent.
     pub(super) fn tables(&self, i: usize, most: usize) -> Read<Vec<Self>> {
-        let Some(v) = self.vector(i, 4)? else { return Ok(Vec::new()) };
+        let Some(v) = self.vector(i, 4)? else {
+            return Ok(Vec::new());
+        };
         if v.bytes.len() > most * 4 {
             return Err(v.too_long(4, most));
         }
@@ -131,7 +170,9 @@ impl Vector<'_> {
 
 fn array<const N: usize>(file: &[u8], at: usize) -> Read<[u8; N]> {
     let found = file.get(at..).and_then(|rest| rest.first_chunk());
-    found.copied().ok_or_else(|| TfliteError::new(at, "the file ends here"))
+    found
+        .copied()
+        .ok_or_else(|| TfliteError::new(at, "the file ends here"))
 }
 
 /// The place that the offset at `at` points to.

@@ -44,18 +44,28 @@ pub(super) fn read(
 ) -> Read<()> {
     let op = operator(table, codes, store.len())?;
     if matches!(op.code, code::DEQUANTIZE | code::DENSIFY) {
-        let [from] = op.inputs[..] else { return Err(op.wrong("not one argument")) };
+        let [from] = op.inputs[..] else {
+            return Err(op.wrong("not one argument"));
+        };
         return store.widen(from, op.output);
     }
     let kind = kind(&op, store, graph)?;
-    let arity = if settings(op.code) { 1 } else { op.inputs.len() };
+    let arity = if settings(op.code) {
+        1
+    } else {
+        op.inputs.len()
+    };
     let inputs = op.inputs[..arity].to_vec();
     for &t in &inputs {
         if graph.tensors[t].data.is_none() {
             graph.tensors[t].data = store.floats(t)?;
         }
     }
-    graph.nodes.push(Node { kind, inputs, output: op.output });
+    graph.nodes.push(Node {
+        kind,
+        inputs,
+        output: op.output,
+    });
     Ok(())
 }
 
@@ -67,7 +77,9 @@ fn settings(code: i32) -> bool {
 fn operator<'a>(table: Table<'a>, codes: &[i32], n_tensors: usize) -> Read<Operator<'a>> {
     let index = table.u32(0, 0)? as usize;
     let wrong = |what: String| TfliteError::new(table.at(), what);
-    let code = *codes.get(index).ok_or_else(|| wrong(format!("operator code {index}")))?;
+    let code = *codes
+        .get(index)
+        .ok_or_else(|| wrong(format!("operator code {index}")))?;
     let [output] = indices(table, 2, n_tensors)?[..] else {
         return Err(wrong("not exactly one output".into()));
     };
@@ -80,7 +92,13 @@ fn operator<'a>(table: Table<'a>, codes: &[i32], n_tensors: usize) -> Read<Opera
     if options.is_some() && options_of(code).is_some_and(|want| want != kind) {
         return Err(wrong(format!("options of type {kind} for operator {code}")));
     }
-    Ok(Operator { table, code, options, inputs, output })
+    Ok(Operator {
+        table,
+        code,
+        options,
+        inputs,
+        output,
+    })
 }
 
 /// The type of options an operator carries, where they are read.
@@ -113,7 +131,10 @@ fn kind(op: &Operator<'_>, store: &Store<'_>, graph: &Graph) -> Read<Kind> {
         code::PAD => zeros(op, store),
         code::MAX_POOL_2D => {
             op.inactive(5)?;
-            Ok(Kind::MaxPool { window: op.window()?, size: [op.count(4)?, op.count(3)?] })
+            Ok(Kind::MaxPool {
+                window: op.window()?,
+                size: [op.count(4)?, op.count(3)?],
+            })
         }
         code::RESIZE_BILINEAR => resize(op, store),
         code::DEPTH_TO_SPACE => Ok(Kind::DepthToSpace(op.count(0)?)),
@@ -126,18 +147,29 @@ fn kind(op: &Operator<'_>, store: &Store<'_>, graph: &Graph) -> Read<Kind> {
 }
 
 fn zeros(op: &Operator<'_>, store: &Store<'_>) -> Read<Kind> {
-    let [_, around] = op.inputs[..] else { return Err(op.wrong("padding without amounts")) };
+    let [_, around] = op.inputs[..] else {
+        return Err(op.wrong("padding without amounts"));
+    };
     let around = store.integers(around)?;
     let count = |n: i32| usize::try_from(n).map_err(|_| op.wrong(format!("a padding of {n}")));
-    let pairs = around.chunks_exact(2).map(|p| Ok([count(p[0])?, count(p[1])?]));
+    let pairs = around
+        .chunks_exact(2)
+        .map(|p| Ok([count(p[0])?, count(p[1])?]));
     Ok(Kind::Pad(pairs.collect::<Read<_>>()?))
 }
 
 fn resize(op: &Operator<'_>, store: &Store<'_>) -> Read<Kind> {
-    let [_, size] = op.inputs[..] else { return Err(op.wrong("scaling without a size")) };
-    let size: Vec<usize> =
-        store.integers(size)?.iter().filter_map(|&n| usize::try_from(n).ok()).collect();
-    let [h, w] = size[..] else { return Err(op.wrong("scaling to no two sizes")) };
+    let [_, size] = op.inputs[..] else {
+        return Err(op.wrong("scaling without a size"));
+    };
+    let size: Vec<usize> = store
+        .integers(size)?
+        .iter()
+        .filter_map(|&n| usize::try_from(n).ok())
+        .collect();
+    let [h, w] = size[..] else {
+        return Err(op.wrong("scaling to no two sizes"));
+    };
     Ok(Kind::Resize {
         size: [h, w],
         align_corners: op.option_u8(2)? != 0,
@@ -149,7 +181,11 @@ fn concat(op: &Operator<'_>, graph: &Graph) -> Read<Kind> {
     op.inactive(1)?;
     let axis = op.option_i32(0, 0)?;
     let rank = graph.tensors[op.output].shape.len() as i32;
-    let from_front = if axis < 0 { axis.saturating_add(rank) } else { axis };
+    let from_front = if axis < 0 {
+        axis.saturating_add(rank)
+    } else {
+        axis
+    };
     let axis = usize::try_from(from_front).map_err(|_| op.wrong(format!("axis {axis}")))?;
     Ok(Kind::Concat(axis))
 }
@@ -179,7 +215,10 @@ impl Operator<'_> {
             1 => Padding::Valid,
             p => return Err(self.wrong(format!("padding {p}"))),
         };
-        Ok(Window { stride: [self.count(2)?, self.count(1)?], padding })
+        Ok(Window {
+            stride: [self.count(2)?, self.count(1)?],
+            padding,
+        })
     }
 
     fn activation(&self, field: usize) -> Read<Activation> {
@@ -201,6 +240,10 @@ impl Operator<'_> {
     /// Dilations in two fields from `field` must be one.
     fn undilated(&self, field: usize) -> Read<()> {
         let dilation = [self.option_i32(field, 1)?, self.option_i32(field + 1, 1)?];
-        if dilation == [1, 1] { Ok(()) } else { Err(self.wrong(format!("dilation {dilation:?}"))) }
+        if dilation == [1, 1] {
+            Ok(())
+        } else {
+            Err(self.wrong(format!("dilation {dilation:?}")))
+        }
     }
 }

@@ -36,10 +36,18 @@ impl<'a> Store<'a> {
                 TfliteError::new(table.at(), format!("buffer {buffer} of {}", buffers.len()))
             })?;
             let raw = holder.bytes(0)?.unwrap_or_default();
-            Ok(Value { table: *table, kind: table.u8(1, 0)?, raw, made: None })
+            Ok(Value {
+                table: *table,
+                kind: table.u8(1, 0)?,
+                raw,
+                made: None,
+            })
         };
         let values = tensors.iter().map(value).collect::<Read<_>>()?;
-        Ok(Self { values, left: MOST_VALUES })
+        Ok(Self {
+            values,
+            left: MOST_VALUES,
+        })
     }
 
     pub(super) fn len(&self) -> usize {
@@ -67,7 +75,13 @@ impl<'a> Store<'a> {
         if value.kind != I32 || value.raw.len() > 4 * 64 {
             return Err(self.wrong(t, "not a short list of 32-bit integers"));
         }
-        Ok(value.raw.as_chunks().0.iter().map(|b| i32::from_le_bytes(*b)).collect())
+        Ok(value
+            .raw
+            .as_chunks()
+            .0
+            .iter()
+            .map(|b| i32::from_le_bytes(*b))
+            .collect())
     }
 
     /// Tensor `to` is the wide or filled-in form of constant `from`.
@@ -88,8 +102,20 @@ impl<'a> Store<'a> {
         self.spend(n, t)?;
         let value = &self.values[t];
         match value.kind {
-            F16 => Ok(value.raw.as_chunks().0.iter().map(|b| f16::from_le_bytes(*b).to_f32()).collect()),
-            F32 => Ok(value.raw.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect()),
+            F16 => Ok(value
+                .raw
+                .as_chunks()
+                .0
+                .iter()
+                .map(|b| f16::from_le_bytes(*b).to_f32())
+                .collect()),
+            F32 => Ok(value
+                .raw
+                .as_chunks()
+                .0
+                .iter()
+                .map(|b| f32::from_le_bytes(*b))
+                .collect()),
             kind => Err(self.wrong(t, format!("type {kind} where floats belong"))),
         }
     }
@@ -102,14 +128,19 @@ impl<'a> Store<'a> {
         let n = shape.iter().try_fold(1usize, |n, &s| n.checked_mul(s));
         let n = n.ok_or_else(|| self.wrong(t, format!("shape {shape:?}")))?;
         self.spend(n, t)?;
-        let sparsity = table.table(6)?.ok_or_else(|| self.wrong(t, "no list of places"))?;
+        let sparsity = table
+            .table(6)?
+            .ok_or_else(|| self.wrong(t, "no list of places"))?;
         let places = places(sparsity, &shape)?;
         if places.len() != listed.len() {
             let what = format!("{} values for {} places", listed.len(), places.len());
             return Err(self.wrong(t, what));
         }
         let mut dense = vec![0.0; n];
-        places.iter().zip(listed).for_each(|(&place, x)| dense[place] = x);
+        places
+            .iter()
+            .zip(listed)
+            .for_each(|(&place, x)| dense[place] = x);
         Ok(dense)
     }
 
@@ -120,7 +151,10 @@ impl<'a> Store<'a> {
     }
 
     pub(super) fn wrong(&self, t: usize, what: impl Into<String>) -> TfliteError {
-        TfliteError::new(self.values[t].table.at(), format!("tensor {t}: {}", what.into()))
+        TfliteError::new(
+            self.values[t].table.at(),
+            format!("tensor {t}: {}", what.into()),
+        )
     }
 }
 
@@ -136,16 +170,19 @@ fn places(sparsity: Table<'_>, shape: &[usize]) -> Read<Vec<usize>> {
     sorted.sort_unstable();
     let each_once = sorted.iter().copied().eq((0..).take(shape.len()));
     if !each_once || levels.len() != shape.len() || !sparsity.i32s(1, MOST_AXES)?.is_empty() {
-        return Err(wrong(format!("a sparse layout of axes {order:?} for {shape:?}")));
+        return Err(wrong(format!(
+            "a sparse layout of axes {order:?} for {shape:?}"
+        )));
     }
     let mut places = vec![0];
     for (&axis, level) in order.iter().zip(levels) {
         let axis = axis as usize;
         let step: usize = shape[axis + 1..].iter().product();
         places = match level.u8(0, 0)? {
-            0 if level.i32(1, 0)?.cast_unsigned() as usize == shape[axis] => {
-                places.iter().flat_map(|p| (0..shape[axis]).map(move |i| p + i * step)).collect()
-            }
+            0 if level.i32(1, 0)?.cast_unsigned() as usize == shape[axis] => places
+                .iter()
+                .flat_map(|p| (0..shape[axis]).map(move |i| p + i * step))
+                .collect(),
             1 => compressed(level, &places, (shape[axis], step))?,
             format => return Err(wrong(format!("axis {axis} of format {format}"))),
         };
@@ -165,21 +202,43 @@ fn compressed(level: Table<'_>, places: &[usize], (n, step): (usize, usize)) -> 
     }
     let one = |(p, s): (&usize, &[usize])| {
         let base = *p;
-        indices[s[0]..s[1]].iter().map(move |i| base + i * step).collect::<Vec<_>>()
+        indices[s[0]..s[1]]
+            .iter()
+            .map(move |i| base + i * step)
+            .collect::<Vec<_>>()
     };
-    Ok(places.iter().zip(segments.windows(2)).flat_map(one).collect())
+    Ok(places
+        .iter()
+        .zip(segments.windows(2))
+        .flat_map(one)
+        .collect())
 }
 
 /// A list of numbers of one of three widths: its type in field `i`, itself in the next.
 fn numbers(level: Table<'_>, i: usize) -> Read<Vec<usize>> {
     let kind = level.u8(i, 0)?;
     let list = level.table(i + 1)?;
-    let list = list.ok_or_else(|| TfliteError::new(level.at(), "a compressed axis lists nothing"))?;
+    let list =
+        list.ok_or_else(|| TfliteError::new(level.at(), "a compressed axis lists nothing"))?;
     match kind {
-        1 => list.i32s(0, MOST_VALUES)?.iter().map(|&x| usize::try_from(x)).collect::<Result<_, _>>(),
+        1 => list
+            .i32s(0, MOST_VALUES)?
+            .iter()
+            .map(|&x| usize::try_from(x))
+            .collect::<Result<_, _>>(),
         2 => Ok(list.u16s(0)?.into_iter().map(usize::from).collect()),
-        3 => Ok(list.bytes(0)?.unwrap_or_default().iter().map(|&x| usize::from(x)).collect()),
-        _ => return Err(TfliteError::new(level.at(), format!("a list of kind {kind}"))),
+        3 => Ok(list
+            .bytes(0)?
+            .unwrap_or_default()
+            .iter()
+            .map(|&x| usize::from(x))
+            .collect()),
+        _ => {
+            return Err(TfliteError::new(
+                level.at(),
+                format!("a list of kind {kind}"),
+            ));
+        }
     }
     .map_err(|_| TfliteError::new(list.at(), "a negative place"))
 }
