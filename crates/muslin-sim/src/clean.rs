@@ -15,41 +15,38 @@ use crate::{
 };
 
 /// Rounds of cleaning at the end.
-const CLEANINGS: usize = 12;
+const CLEANINGS: usize = 8;
 /// What a round adds to the distance kept from the skin, and the most it may add up to [m].
 const LIFT: f64 = 0.7e-3;
 const MOST_LIFT: f64 = 8e-3;
-/// Rounds before the flesh begins to yield.
-const PATIENCE: usize = 4;
-/// What a round takes from the flesh, and the most it may take from any place [m].
-const GIVE: f64 = 1.5e-3;
-const MOST_GIVE: f64 = 0.02;
+/// Rounds in which the flesh yields, what each takes, and the most that any place gives [m]:
+/// where there is flesh, and where there is hardly any.
+const YIELDS: usize = 40;
+const GIVE: f64 = 1e-3;
+const MOST_GIVE: [f64; 2] = [0.035, 0.004];
 
 /// Makes the cloth clean, and measures it.
 pub(crate) fn finish(mut stage: Stage<'_>) -> Result<Settled, SimError> {
     let speed_p99 = stage.speed();
-    let mut given = 0.0;
-    for round in 0..CLEANINGS {
+    for _ in 0..CLEANINGS {
+        stage.find_tangles();
         let hits = quality::body_intersections(stage.weave, &stage.x, &stage.body.now);
         if hits.is_empty() && !stage.is_tangled() {
             break;
         }
         lift(&mut stage, &hits);
-        if round >= PATIENCE && given < MOST_GIVE && !hits.is_empty() {
-            give(&mut stage, &hits);
-            given += GIVE;
-        }
         for _ in 0..2 {
             stage.v.fill(DVec3::ZERO);
             stage.step(0.0)?;
         }
     }
+    let yielded = give(&mut stage);
     let crossing = crossings::crossing_faces(stage.weave, &mut stage.tree, &stage.x).len();
     let measured = Settled::measure(stage.weave, stage.x, &stage.body.now, crossing);
     Ok(Settled {
         steps: stage.steps,
         speed_p99,
-        yielded: given,
+        yielded,
         ..measured
     })
 }
@@ -70,19 +67,30 @@ fn lift(stage: &mut Stage<'_>, hits: &[[u32; 2]]) {
     stage.body.forget();
 }
 
-/// Draws the skin back where it meets cloth.
-fn give(stage: &mut Stage<'_>, hits: &[[u32; 2]]) {
-    let skin = &stage.body.now;
-    let mut depth = vec![0.0; skin.verts().len()];
-    for hit in hits {
-        for v in skin.faces()[hit[1] as usize].map(|v| v as usize) {
-            if depth[v] == 0.0 && relief::is_soft(skin, v) {
+/// Draws the skin back where it still meets cloth; says how far at most [m].
+fn give(stage: &mut Stage<'_>) -> f64 {
+    let n = stage.body.now.verts().len();
+    let mut given = vec![0.0; n];
+    let mut pattern = None;
+    for _ in 0..YIELDS {
+        let hits = quality::body_intersections(stage.weave, &stage.x, &stage.body.now);
+        if hits.is_empty() {
+            break;
+        }
+        let skin = &stage.body.now;
+        let pattern = pattern.get_or_insert_with(|| Pattern::new(n, skin.faces()));
+        let mut depth = vec![0.0; n];
+        for v in hits.iter().flat_map(|h| skin.faces()[h[1] as usize]) {
+            let v = v as usize;
+            if depth[v] == 0.0 && given[v] < MOST_GIVE[usize::from(!relief::is_soft(skin, v))] {
                 depth[v] = GIVE;
             }
         }
+        let dented = relief::dented(skin, &pattern.near, depth, |v| given[v] < MOST_GIVE[0]);
+        for v in 0..n {
+            given[v] += dented[v].distance(skin.verts()[v]);
+        }
+        stage.body.now.refit(&dented);
     }
-    let pattern = Pattern::new(skin.verts().len(), skin.faces());
-    let dented = relief::dented(skin, &pattern.near, depth, |_| true);
-    stage.body.now.refit(&dented);
-    stage.body.stand();
+    given.into_iter().fold(0.0, f64::max)
 }

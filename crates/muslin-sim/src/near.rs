@@ -71,7 +71,8 @@ impl Neighbours {
     }
 }
 
-/// The pairs that could meet while every vertex goes straight by its entry of `moves` [m].
+/// The pairs that could come within `reach` [m] while every vertex goes straight by its entry of
+/// `moves` [m]; a list for where they arrive.
 ///
 /// What neighbours do together does not bring them together: only the difference of their moves
 /// counts against the distance between them.
@@ -79,7 +80,8 @@ pub(crate) fn on_the_way(
     weave: &Weave,
     tree: &mut Bvh,
     (x, moves): (&[DVec3], &[DVec3]),
-) -> Vec<Near> {
+    reach: f64,
+) -> Neighbours {
     let still = face_boxes(x, &weave.faces);
     let there: Vec<DVec3> = x.iter().zip(moves).map(|(x, m)| *x + *m).collect();
     let swept: Vec<Aabb> = (still.iter().zip(&weave.faces))
@@ -93,13 +95,13 @@ pub(crate) fn on_the_way(
     };
     let motions: Vec<Motion> = weave.faces.iter().map(|f| Motion::of(f, moves)).collect();
     let lists: Vec<Vec<Near>> = tree
-        .self_pairs(TOUCHING)
+        .self_pairs(reach)
         .par_chunks(PAIRS)
         .map(|chunk| {
             let mut out = Vec::new();
             for &[f, g] in chunk {
                 let (f, g) = (f as usize, g as usize);
-                let reach = motions[f].against(&motions[g]) + TOUCHING;
+                let reach = motions[f].against(&motions[g]) + reach;
                 if still[f].grown(reach).overlaps(&still[g]) {
                     scene.features((f, g), reach, &mut out);
                 }
@@ -107,11 +109,12 @@ pub(crate) fn on_the_way(
             out
         })
         .collect();
-    lists.concat()
+    Neighbours {
+        list: lists.concat(),
+        at: there,
+        reach,
+    }
 }
-
-/// Distance at which pairs are followed even if they hardly move [m].
-const TOUCHING: f64 = 1e-4;
 
 /// How a face moves: the mean of its corners, and how far a corner strays from it [m].
 struct Motion {

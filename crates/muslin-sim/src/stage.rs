@@ -53,9 +53,9 @@ const SLACK: f64 = 2.5e-3;
 /// Skin this close to cloth must not jump [m].
 const NEARBY: f64 = 0.025;
 /// Most that skin may move past nearby cloth in one piece of its way [m].
-const FASTEST: f64 = 0.012;
+const FASTEST: f64 = 0.008;
 /// Most pieces that a step of the path is cut into.
-const PIECES: usize = 4;
+const PIECES: usize = 5;
 /// Looks at a move that keeps changing.
 const LOOKS: usize = 3;
 /// Moves shorter than this are checked against the neighbour list [m].
@@ -304,8 +304,7 @@ impl<'a> Stage<'a> {
         }
         let reach = self.weave.radius + SLACK;
         self.near = Neighbours::find(self.weave, &mut self.tree, &self.x, reach);
-        let list = std::mem::take(&mut self.near.list);
-        self.near.list = list.into_iter().filter(|n| self.is_free(n)).collect();
+        self.drop_tangled();
     }
 
     /// Moves the cloth along `moves` [m], as far as it can go without passing through itself.
@@ -322,12 +321,23 @@ impl<'a> Stage<'a> {
 
     /// A changed move may lead to other pairs than those looked at, so it is looked at again.
     fn go_far(&mut self, moves: &mut [DVec3]) {
+        let reach = self.weave.radius + SLACK;
         for _ in 0..LOOKS {
-            let mut pairs = near::on_the_way(self.weave, &mut self.tree, (&self.x, moves));
-            pairs.retain(|n| self.is_free(n));
-            if !safe::make_safe(&pairs, &self.x, moves) {
+            let way = (self.x.as_slice(), &*moves);
+            self.near = near::on_the_way(self.weave, &mut self.tree, way, reach);
+            self.drop_tangled();
+            if !safe::make_safe(&self.near.list, &self.x, moves) {
                 return;
             }
+        }
+        self.near = Neighbours::default();
+    }
+
+    /// Leaves out pairs that have passed through each other already.
+    fn drop_tangled(&mut self) {
+        if self.is_tangled() {
+            let list = std::mem::take(&mut self.near.list);
+            self.near.list = list.into_iter().filter(|n| self.is_free(n)).collect();
         }
     }
 
@@ -348,6 +358,9 @@ impl<'a> Stage<'a> {
     pub fn settle(&mut self) -> Result<bool, SimError> {
         let mut calm = 0;
         for k in 0..self.options.last_steps {
+            if k % 10 == 0 {
+                self.find_tangles();
+            }
             let late = k as f64 / self.options.last_steps as f64;
             self.step(self.options.keep * (1.0 - 0.5 * late * late))?;
             calm = if self.speed() < self.options.still {
