@@ -145,7 +145,7 @@ fn bad_input_ends_with_its_code_a_hint_and_no_file() {
     let photo = include_bytes!("../../../assets/examples/walk.jpg");
     let whole = folder.put("whole.jpg", photo);
     let cases: Vec<(&str, Vec<String>, i32)> = vec![
-        ("not a photo", vec![folder.put("a.jpg", b"<svg></svg>")], 3),
+        ("not a photo", vec![folder.put("a.jpg", b"<svg></svg>")], 4),
         (
             "a cut photo",
             vec![folder.put("cut.jpg", &photo[..photo.len() / 2])],

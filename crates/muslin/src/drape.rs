@@ -89,23 +89,9 @@ pub fn drape_outfit(avatar: &Avatar, outfit: &Outfit, sitter: &Sitter) -> Result
 
 /// Every garment around the body's rest pose, outside of those under it.
 fn put_on(avatar: &Avatar, outfit: &Outfit, sitter: &Sitter) -> Result<Vec<Worn>, Failure> {
-    let mut worn: Vec<Worn> = Vec::new();
-    for piece in &outfit.pieces {
-        let under: Vec<_> = outfit
-            .pieces
-            .iter()
-            .map(|p| &p.garment)
-            .zip(&worn)
-            .collect();
-        let next = piece
-            .garment
-            .worn(avatar, &sitter.figure, &under)
-            .map_err(|e| {
-                Failure::new(Exit::Invalid, "garment", e.to_string()).at(piece.garment.name.clone())
-            })?;
-        worn.push(next);
-    }
-    Ok(worn)
+    let garments = outfit.pieces.iter().map(|p| p.garment.clone()).collect();
+    let worn = muslin_garment::Outfit { garments }.worn(avatar, &sitter.figure);
+    worn.map_err(|e| Failure::new(Exit::Invalid, "garment", e.to_string()))
 }
 
 fn cloth(outfit: &Outfit, worn: &[Worn]) -> Cloth {

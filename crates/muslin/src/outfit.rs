@@ -3,6 +3,8 @@
 use muslin_body::{Avatar, names};
 use muslin_garment::{Fabric, Garment, Recipe, Tee, Trousers};
 
+use rayon::prelude::*;
+
 use crate::failure::{Exit, Failure};
 use crate::options::{DressOptions, Wear};
 
@@ -81,9 +83,13 @@ fn tee(options: &DressOptions) -> Tee {
     }
 }
 
+/// Legs are long and plain: their triangles may be this much larger than a shirt's.
+const LEG_EDGE: f64 = 1.2;
+
 fn trousers(options: &DressOptions) -> Trousers {
+    let edge = (LEG_EDGE * options.edge).min(0.025);
     Trousers {
-        edge: options.edge,
+        edge,
         ..Trousers::new(options.cut)
     }
 }
@@ -101,11 +107,10 @@ impl Outfit {
                 Failure::new(Exit::Usage, "no-garment", what).hint("name one with --garment")
             );
         }
-        let pieces = options
-            .outfit
-            .iter()
-            .map(|wear| piece(avatar, wear, options));
-        let pieces = pieces.collect::<Result<Vec<_>, _>>()?;
+        let cut = options.outfit.par_iter();
+        let pieces = cut
+            .map(|wear| piece(avatar, wear, options))
+            .collect::<Result<Vec<_>, _>>()?;
         pieces
             .iter()
             .flat_map(|p| p.fabric.warnings())
