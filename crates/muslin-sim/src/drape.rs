@@ -38,13 +38,13 @@ impl Default for Options {
     fn default() -> Self {
         Options {
             gravity: DVec3::new(0.0, -9.81, 0.0),
-            step: 1.0 / 40.0,
+            step: 1.0 / 30.0,
             gap: 3e-3,
-            iterations: 30,
+            iterations: 25,
             first_steps: 4,
-            last_steps: 90,
-            still: 0.02,
-            keep: 0.9,
+            last_steps: 80,
+            still: 0.03,
+            keep: 0.8,
         }
     }
 }

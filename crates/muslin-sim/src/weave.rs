@@ -73,7 +73,7 @@ impl Weave {
 }
 
 /// Share of the limit at which the wall begins; the lower, the softer its approach.
-const WALL_START: f64 = 0.55;
+const WALL_START: f64 = 0.5;
 
 fn patches(cloth: &Cloth) -> Result<Vec<Patch>, SimError> {
     let one = |(f, corners): (usize, &[glam::DVec2; 3])| {
@@ -82,7 +82,7 @@ fn patches(cloth: &Cloth) -> Result<Vec<Patch>, SimError> {
         let limit = material.limit.map(|limit| StrainLimit {
             start: WALL_START * limit,
             limit,
-            stiffness: k.warp.max(k.weft),
+            stiffness: 2.0 * k.warp.max(k.weft),
             wall: 0.85,
         });
         let rest = RestTriangle::new(*corners).ok_or(SimError::NoRestShape(f))?;
