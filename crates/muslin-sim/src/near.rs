@@ -146,10 +146,6 @@ struct Scene<'a> {
 impl Scene<'_> {
     /// Adds the pairs of features of faces `f` and `g` that are within `reach` [m].
     fn features(&self, (f, g): (usize, usize), reach: f64, out: &mut Vec<Near>) {
-        let shared = |v: &&u32| self.weave.faces[g].contains(v);
-        if self.weave.faces[f].iter().filter(shared).count() > 1 {
-            return; // Neighbours across an edge fold; they do not cross.
-        }
         for (mine, other) in [(f, g), (g, f)] {
             let (t, around) = (self.weave.faces[other], self.boxes[other].grown(reach));
             for v in self.weave.owned[mine].verts {

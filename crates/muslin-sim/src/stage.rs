@@ -57,7 +57,7 @@ const FASTEST: f64 = 0.008;
 /// Most pieces that a step of the path is cut into.
 const PIECES: usize = 5;
 /// Looks at a move that keeps changing.
-const LOOKS: usize = 3;
+const LOOKS: usize = 8;
 /// Moves shorter than this are checked against the neighbour list [m].
 const SMALL_MOVE: f64 = 0.8e-3;
 
@@ -319,10 +319,17 @@ impl<'a> Stage<'a> {
         self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
     }
 
-    /// A changed move may lead to other pairs than those looked at, so it is looked at again.
+    /// A changed move may lead to other pairs than those looked at, so it is looked at again; one
+    /// that keeps changing is brought nearer to what all of the cloth does, in the end to just that.
     fn go_far(&mut self, moves: &mut [DVec3]) {
         let reach = self.weave.radius + SLACK;
-        for _ in 0..LOOKS {
+        let mean = moves.iter().sum::<DVec3>() / moves.len() as f64;
+        for look in 0..LOOKS {
+            if look + 1 == LOOKS {
+                moves.fill(mean);
+            } else if look >= LOOKS / 2 {
+                moves.iter_mut().for_each(|m| *m = m.lerp(mean, 0.5));
+            }
             let way = (self.x.as_slice(), &*moves);
             self.near = near::on_the_way(self.weave, &mut self.tree, way, reach);
             self.drop_tangled();
