@@ -92,6 +92,14 @@ impl<'a> Matrix<'a> {
         parts.iter().sum()
     }
 
+    /// `A p`.
+    #[cfg(test)]
+    pub fn times(&self, p: &[DVec3]) -> Vec<DVec3> {
+        let mut out = vec![DVec3::ZERO; p.len()];
+        self.multiply(p, &mut vec![DVec3::ZERO; self.links.len()], &mut out);
+        out
+    }
+
     fn row(&self, i: usize, p: &[DVec3], pulls: &[DVec3]) -> DVec3 {
         let near = &self.pattern.near;
         let mut sum = DVec3::ZERO;

@@ -146,3 +146,168 @@ impl Problem<'_> {
 
 /// Steps are halved this often; a step of a sixteenth is taken whatever the energy says.
 const HALVINGS: usize = 4;
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+    use muslin_energy::{hinge::Bend, membrane::Stretch};
+
+    use super::*;
+    use crate::{
+        cloth::{Cloth, Material},
+        near::Near,
+        pairs::Rule,
+    };
+
+    /// A crumpled square of 3 × 3 vertices over a plane, with everything that can act acting.
+    fn crumpled() -> (Cloth, Vec<DVec3>) {
+        let flat: Vec<DVec2> = (0..9)
+            .map(|i| DVec2::new(f64::from(i % 3), f64::from(i / 3)) * 0.01)
+            .collect();
+        let mut faces = Vec::new();
+        for c in [0, 1, 3, 4] {
+            faces.extend([[c, c + 1, c + 4], [c, c + 4, c + 3]]);
+        }
+        let material = Material {
+            density: 0.2,
+            stretch: Stretch {
+                warp: 300.0,
+                weft: 200.0,
+                shear: 50.0,
+                compression: 1.0,
+            },
+            bend: Bend {
+                warp: 1e-5,
+                weft: 2e-5,
+            },
+            limit: Some(0.05),
+            friction: 0.3,
+            thickness: 1e-3,
+        };
+        let cloth = Cloth {
+            rest: faces
+                .iter()
+                .map(|f: &[u32; 3]| f.map(|i| flat[i as usize]))
+                .collect(),
+            materials: vec![material],
+            material_of: vec![0; faces.len()],
+            layers: vec![0; 9],
+            pins: Vec::new(),
+            faces,
+        };
+        let wave = |(i, p): (usize, &DVec2)| {
+            let lift = 1e-3 * (2.3 * i as f64).sin();
+            DVec3::new(1.03 * p.x, 1.002 + lift, -1.06 * p.y)
+        };
+        let x = flat.iter().enumerate().map(wave).collect();
+        (cloth, x)
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_energy_and_the_step_descends() {
+        let (cloth, x) = crumpled();
+        let weave = Weave::new(&cloth).expect("a valid cloth");
+        let target: Vec<DVec3> = x
+            .iter()
+            .map(|p| *p + DVec3::new(2e-4, -1e-4, 1e-4))
+            .collect();
+        let barrier = Barrier {
+            radius: 3e-3,
+            width: 1e-3,
+            stiffness: 400.0,
+        };
+        let touch = Touch {
+            verts: [4, 7, 8],
+            weights: [0.5, 0.2, 0.3],
+            face: Some(7),
+            skin: DVec3::new(0.0, 1.0, 0.0),
+            normal: DVec3::Y,
+            stuck: x[4] + DVec3::X * 1e-4,
+            barrier,
+            grip: 0.02,
+            stick: 5e-5,
+        };
+        let cloth_barrier = Barrier {
+            radius: 0.025,
+            width: 0.01,
+            stiffness: 150.0,
+        };
+        let rule = Rule {
+            barrier: cloth_barrier,
+            friction: 0.0,
+            stick: 5e-5,
+        };
+        let near = Near {
+            verts: [0, 2, 6, 8],
+            is_edges: true,
+        };
+        let problem = Problem {
+            weave: &weave,
+            target: &target,
+            step: 0.03,
+            gravity: DVec3::Y * -9.81,
+            touches: &[touch],
+            pairs: &[Pair::at(&near, &x, &rule).expect("closer than the radius")],
+            barrier: cloth_barrier,
+            pins: &[(2, x[2] + DVec3::Z * 1e-4)],
+        };
+        let (gradient, _) = problem.assemble(&x);
+        for (i, axis) in (0..9).flat_map(|i| [(i, DVec3::X), (i, DVec3::Y), (i, DVec3::Z)]) {
+            let at = |h: f64| {
+                let mut y = x.clone();
+                y[i] += axis * h;
+                problem.energy(&y)
+            };
+            let (h, got) = (1e-7, gradient[i].dot(axis));
+            let want = (at(h) - at(-h)) / (2.0 * h);
+            assert!(
+                (got - want).abs() < 1e-5 * (1.0 + want.abs()),
+                "{i} {axis}: {got} {want}"
+            );
+        }
+        let effort = Effort {
+            iterations: 60,
+            tolerance: 1e-8,
+        };
+        let moves = problem.descend(&x, &effort).expect("finite");
+        let there: Vec<DVec3> = x.iter().zip(&moves).map(|(x, m)| *x + *m).collect();
+        assert!(problem.energy(&there) < problem.energy(&x));
+    }
+
+    #[test]
+    fn conjugate_gradients_solve_the_system() {
+        let (cloth, x) = crumpled();
+        let weave = Weave::new(&cloth).expect("a valid cloth");
+        let barrier = Barrier {
+            radius: 3e-3,
+            width: 1e-3,
+            stiffness: 400.0,
+        };
+        let problem = Problem {
+            weave: &weave,
+            target: &x,
+            step: 0.03,
+            gravity: DVec3::ZERO,
+            touches: &[],
+            pairs: &[],
+            barrier,
+            pins: &[],
+        };
+        let (gradient, matrix) = problem.assemble(&x);
+        let (solution, _) = matrix.solve(
+            &gradient,
+            &Effort {
+                iterations: 200,
+                tolerance: 1e-10,
+            },
+        );
+        let back = matrix.times(&solution);
+        let worst = back
+            .iter()
+            .zip(&gradient)
+            .map(|(a, b)| a.distance(*b))
+            .fold(0.0, f64::max);
+        let size = gradient.iter().map(|g| g.length()).fold(0.0, f64::max);
+        assert!(worst < 1e-7 * size, "residual {worst} of {size}");
+    }
+}

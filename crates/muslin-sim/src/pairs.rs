@@ -14,8 +14,6 @@ pub(crate) struct Pair {
     pub stuck: DVec3,
     pub grip: f64,
     pub stick: f64,
-    /// Which side the first feature belongs on, where that is known better than from the gap.
-    pub side: Option<DVec3>,
 }
 
 impl Pair {
@@ -36,7 +34,6 @@ impl Pair {
             stuck,
             grip,
             stick,
-            side: None,
         };
         (slope < 0.0).then_some(pair)
     }
@@ -47,12 +44,9 @@ impl Pair {
 
     fn answer(&self, x: &[DVec3], barrier: &Barrier) -> AtPoint {
         let gap = self.gap(x);
-        let mut out = match self.side {
-            Some(normal) => contact::plane(gap, normal, barrier),
-            None => contact::apart(gap, barrier),
-        };
+        let mut out = contact::apart(gap, barrier);
         if self.grip > 0.0 {
-            let normal = self.side.unwrap_or_else(|| self.stuck.normalize_or_zero());
+            let normal = self.stuck.normalize_or_zero();
             let on = Pressed {
                 normal,
                 limit: self.grip,
