@@ -60,7 +60,7 @@ pub(crate) const WARDROBE: [Entry; 4] = [
     Entry {
         name: "trousers",
         says: "straight trousers, held at the waist",
-        fabric: "denim",
+        fabric: "wool-suiting",
         recipe: |o| Recipe::Trousers(trousers(o)),
     },
     Entry {
