@@ -2,7 +2,7 @@
 
 use flate2::Crc;
 use muslin_geom::Image;
-use png::{BitDepth, ColorType, Compression, Encoder, Filter, SrgbRenderingIntent};
+use png::{BitDepth, ColorType, DeflateCompression, Encoder, Filter, SrgbRenderingIntent};
 use rayon::prelude::*;
 
 /// `image` as a PNG, sRGB; the alpha channel is left out if nothing is transparent.
@@ -10,17 +10,17 @@ use rayon::prelude::*;
 /// # Panics
 /// If the image has no pixels or a pixel count other than its size says.
 pub fn png(image: &Image) -> Vec<u8> {
-    encode(
-        image,
-        Window::whole(image),
-        colour(std::slice::from_ref(image)),
-    )
+    match is_opaque(image) {
+        true => encode(image, ColorType::Rgb),
+        false => encode(image, ColorType::Rgba),
+    }
 }
 
 /// `frames` as an animated PNG that runs for ever, each frame shown for `delay_ms` [ms].
 ///
 /// Readers that know no animation show the first frame. Every later frame stores only the
-/// window in which it differs from the one before. All cores compress; the bytes do not depend
+/// window in which it differs from the one before, and of opaque frames only the pixels that
+/// do, the rest being clear: noise that stays costs nothing. All cores compress; the bytes do not depend
 /// on how many there are.
 ///
 /// # Panics
@@ -32,20 +32,33 @@ pub fn animated_png(frames: &[Image], delay_ms: u16) -> Vec<u8> {
         frames.iter().all(same),
         "all frames of an animation have one size"
     );
-    let colour = colour(frames);
-    let packed = frames.par_iter().enumerate().map(|(i, frame)| {
-        let window = match i {
-            0 => Window::whole(frame),
-            _ => Window::of_change(&frames[i - 1], frame),
-        };
-        (window, encode(frame, window, colour))
+    let is_opaque = frames.iter().all(is_opaque);
+    let packed = frames.par_iter().enumerate().map(|(i, frame)| match i {
+        0 => (Window::whole(frame), encode(frame, ColorType::Rgba)),
+        _ => later(&frames[i - 1], frame, is_opaque),
     });
     let packed: Vec<_> = packed.collect();
-    animation(&packed, delay_ms)
+    animation(&packed, delay_ms, if is_opaque { OVER } else { REPLACE })
+}
+
+/// Blend of a frame whose pixels stand for themselves.
+const REPLACE: u8 = 0;
+/// Blend of a frame that is laid over the one before.
+const OVER: u8 = 1;
+
+/// What a frame adds to the one before.
+fn later(before: &Image, frame: &Image, is_opaque: bool) -> (Window, Vec<u8>) {
+    let window = Window::of_change(before, frame);
+    let mut cut = window.cut(frame);
+    if is_opaque {
+        let same = cut.pixels.iter_mut().zip(window.cut(before).pixels);
+        same.filter(|(a, b)| *a == b).for_each(|(a, _)| *a = [0; 4]);
+    }
+    (window, encode(&cut, ColorType::Rgba))
 }
 
 /// Joins pictures of their own into one animation (PNG 3rd edition, section 11.3.6).
-fn animation(packed: &[(Window, Vec<u8>)], delay_ms: u16) -> Vec<u8> {
+fn animation(packed: &[(Window, Vec<u8>)], delay_ms: u16, blend: u8) -> Vec<u8> {
     let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
     let is_pixels = |kind: &[u8]| kind == b"IDAT";
     for (kind, body) in chunks(&packed[0].1).take_while(|(kind, _)| !is_pixels(kind)) {
@@ -64,7 +77,7 @@ fn animation(packed: &[(Window, Vec<u8>)], delay_ms: u16) -> Vec<u8> {
         put(
             &mut file,
             b"fcTL",
-            &[&next()[..], &window.control(delay_ms)].concat(),
+            &[&next()[..], &window.control(delay_ms, blend)].concat(),
         );
         for (kind, body) in chunks(png).filter(|(kind, _)| is_pixels(kind)) {
             match i {
@@ -118,12 +131,26 @@ impl Window {
         }
     }
 
-    /// The body of a frame control chunk, without its sequence number: replace what was there
-    /// and leave it.
-    fn control(&self, delay_ms: u16) -> Vec<u8> {
+    /// The body of a frame control chunk, without its sequence number: `blend` with what was
+    /// there and leave it.
+    fn control(&self, delay_ms: u16, blend: u8) -> Vec<u8> {
         let side = [self.width, self.height, self.x, self.y].map(|n| (n as u32).to_be_bytes());
         let delay = [delay_ms, 1000].map(u16::to_be_bytes);
-        [side.as_flattened(), delay.as_flattened(), &[0, 0]].concat()
+        [side.as_flattened(), delay.as_flattened(), &[0, blend]].concat()
+    }
+
+    /// The picture in the window.
+    fn cut(&self, image: &Image) -> Image {
+        let rows = image.pixels.chunks(image.width);
+        let rows = rows.skip(self.y).take(self.height);
+        Image {
+            width: self.width,
+            height: self.height,
+            pixels: rows
+                .flat_map(|row| &row[self.x..][..self.width])
+                .copied()
+                .collect(),
+        }
     }
 
     /// The smallest window with all pixels that differ; one pixel if none does.
@@ -160,18 +187,15 @@ impl Window {
     }
 }
 
-/// Colour with or without alpha, whatever these pictures need.
-fn colour(images: &[Image]) -> ColorType {
-    let is_opaque = images.iter().all(|i| i.pixels.iter().all(|p| p[3] == 255));
-    if is_opaque {
-        ColorType::Rgb
-    } else {
-        ColorType::Rgba
-    }
+fn is_opaque(image: &Image) -> bool {
+    image.pixels.iter().all(|p| p[3] == 255)
 }
 
-/// A window of a picture as a PNG of its own.
-fn encode(image: &Image, window: Window, colour: ColorType) -> Vec<u8> {
+/// How hard pixels are pressed: the next levels take 1.3 to 4 times as long for 1 to 5 % less.
+const PRESSURE: u8 = 3;
+
+/// A picture as a PNG of this kind, with or without alpha.
+fn encode(image: &Image, colour: ColorType) -> Vec<u8> {
     assert_eq!(
         image.pixels.len(),
         image.width * image.height,
@@ -179,10 +203,10 @@ fn encode(image: &Image, window: Window, colour: ColorType) -> Vec<u8> {
     );
     let side = |n| u32::try_from(n).expect("a side fits 32 bits");
     let mut file = Vec::new();
-    let mut encoder = Encoder::new(&mut file, side(window.width), side(window.height));
+    let mut encoder = Encoder::new(&mut file, side(image.width), side(image.height));
     encoder.set_color(colour);
     encoder.set_depth(BitDepth::Eight);
-    encoder.set_compression(Compression::Balanced);
+    encoder.set_deflate_compression(DeflateCompression::Level(PRESSURE));
     encoder.set_filter(Filter::Adaptive);
     encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
     let mut writer = encoder
@@ -190,22 +214,22 @@ fn encode(image: &Image, window: Window, colour: ColorType) -> Vec<u8> {
         .expect("a picture has at least one pixel");
     let memory = "writing to memory cannot fail";
     writer
-        .write_image_data(&samples(image, window, colour))
+        .write_image_data(&samples(image, colour))
         .expect(memory);
     writer.finish().expect(memory);
     file
 }
 
-/// The window's samples, row by row.
-fn samples(image: &Image, w: Window, colour: ColorType) -> Vec<u8> {
-    let channels = if colour == ColorType::Rgb { 3 } else { 4 };
-    let mut out = Vec::with_capacity(w.width * w.height * channels);
-    for row in image.pixels.chunks(image.width).skip(w.y).take(w.height) {
-        for pixel in &row[w.x..w.x + w.width] {
-            out.extend_from_slice(&pixel[..channels]);
-        }
+/// The picture's samples, row by row.
+fn samples(image: &Image, colour: ColorType) -> Vec<u8> {
+    match colour {
+        ColorType::Rgb => image
+            .pixels
+            .iter()
+            .flat_map(|p| [p[0], p[1], p[2]])
+            .collect(),
+        _ => image.pixels.as_flattened().to_vec(),
     }
-    out
 }
 
 #[cfg(test)]
@@ -272,7 +296,10 @@ mod tests {
             for (i, p) in buffer[..shape.buffer_size()].chunks(channels).enumerate() {
                 let x = i % shape.width as usize + control.x_offset as usize;
                 let y = i / shape.width as usize + control.y_offset as usize;
-                canvas.pixels[y * width + x] = [p[0], p[1], p[2], *p.get(3).unwrap_or(&255)];
+                let over = control.blend_op == png::BlendOp::Over;
+                if !over || p[3] > 0 {
+                    canvas.pixels[y * width + x] = [p[0], p[1], p[2], p[3]];
+                }
             }
             frames.push(canvas.clone());
         }

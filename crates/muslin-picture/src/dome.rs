@@ -20,9 +20,14 @@ pub(crate) struct Probe {
 /// Visibility of every direction from every probe.
 pub(crate) struct Dome {
     dirs: Vec<Vec3>,
+    /// The probes' normals.
+    normals: Vec<Vec3>,
     /// Openness 0 to 255 per direction and probe.
     open: Vec<Vec<u8>>,
 }
+
+/// Probes lit together, side by side in the processor's registers.
+const LANES: usize = 32;
 
 impl Dome {
     /// Looks along `count` directions, in opposite pairs, with maps of `size` texels a side.
@@ -38,24 +43,45 @@ impl Dome {
         let dirs = above.iter().flat_map(|&dir| [dir, -dir]).collect();
         Self {
             dirs,
+            normals: probes.iter().map(|probe| probe.normal).collect(),
             open: open.into_iter().flatten().collect(),
         }
     }
 
     /// Light arriving at the front and back of every probe under a sky of
     /// `radiance`, over π: one for a probe in the open under a white sky.
-    pub fn light(&self, probes: &[Probe], radiance: impl Fn(Vec3) -> Vec3) -> Vec<[Vec3; 2]> {
+    pub fn light(&self, radiance: impl Fn(Vec3) -> Vec3) -> Vec<[Vec3; 2]> {
         let share = 4.0 / self.dirs.len().max(1) as f32 / 255.0;
         let sky: Vec<Vec3> = self.dirs.iter().map(|&d| radiance(d) * share).collect();
-        let one = |(i, probe): (usize, &Probe)| {
-            let mut sides = [Vec3::ZERO; 2];
-            for ((dir, sky), open) in self.dirs.iter().zip(&sky).zip(&self.open) {
-                let cos = probe.normal.dot(*dir);
-                sides[usize::from(cos < 0.0)] += *sky * (cos.abs() * f32::from(open[i]));
+        let mut lit = vec![[Vec3::ZERO; 2]; self.normals.len()];
+        let chunks = lit.par_chunks_mut(LANES).enumerate();
+        chunks.for_each(|(i, out)| self.light_chunk(i * LANES, &sky, out));
+        lit
+    }
+
+    /// Lights the probes from `first` on, at most [`LANES`].
+    fn light_chunk(&self, first: usize, sky: &[Vec3], out: &mut [[Vec3; 2]]) {
+        let mut normal = [[0.0f32; LANES]; 3];
+        for (k, n) in self.normals[first..][..out.len()].iter().enumerate() {
+            [normal[0][k], normal[1][k], normal[2][k]] = n.to_array();
+        }
+        let (mut front, mut back) = ([[0.0f32; LANES]; 3], [[0.0f32; LANES]; 3]);
+        for ((dir, sky), open) in self.dirs.iter().zip(sky).zip(&self.open) {
+            let mut seen = [0u8; LANES];
+            seen[..out.len()].copy_from_slice(&open[first..][..out.len()]);
+            for k in 0..LANES {
+                let cos = normal[0][k] * dir.x + normal[1][k] * dir.y + normal[2][k] * dir.z;
+                let seen = f32::from(seen[k]);
+                let (ahead, behind) = (cos.max(0.0) * seen, (-cos).max(0.0) * seen);
+                for c in 0..3 {
+                    front[c][k] += sky[c] * ahead;
+                    back[c][k] += sky[c] * behind;
+                }
             }
-            sides
-        };
-        probes.par_iter().enumerate().map(one).collect()
+        }
+        for (k, sides) in out.iter_mut().enumerate() {
+            *sides = [&front, &back].map(|s| Vec3::new(s[0][k], s[1][k], s[2][k]));
+        }
     }
 }
 
@@ -97,9 +123,9 @@ mod tests {
             normal: Vec3::Y,
         }];
         let dome = Dome::new(&Flat::default(), &probes, 96, 16);
-        let [front, back] = dome.light(&probes, |_| Vec3::ONE)[0];
+        let [front, back] = dome.light(|_| Vec3::ONE)[0];
         assert!((front - Vec3::ONE).length() < 0.03 && (back - Vec3::ONE).length() < 0.03);
-        let [front, back] = dome.light(&probes, |d| Vec3::splat(d.y.max(0.0)))[0];
+        let [front, back] = dome.light(|d| Vec3::splat(d.y.max(0.0)))[0];
         assert!((front.x - 2.0 / 3.0).abs() < 0.02 && back.x == 0.0);
     }
 }

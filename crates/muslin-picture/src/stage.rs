@@ -1,5 +1,7 @@
 //! The studio: a scene is set up once and photographed from anywhere.
 
+use std::sync::Arc;
+
 use glam::{Vec2, Vec3, Vec4};
 use muslin_geom::Image;
 use rayon::prelude::*;
@@ -61,18 +63,16 @@ pub fn render(scene: &Scene, camera: &Camera, options: &Options) -> Image {
 
 /// `count` pictures of a scene turning round once, all framed alike.
 pub fn turntable(scene: &Scene, view: &View, count: usize, options: &Options) -> Vec<Image> {
-    let stage = Stage::new(scene, options);
-    let cameras = Camera::orbit(&stage.flat.verts, view, count);
-    cameras.iter().map(|camera| stage.shoot(camera)).collect()
+    Stage::new(scene, options).turn(view, count)
 }
 
 /// A scene with all that does not depend on the camera.
+#[derive(Clone)]
 pub struct Stage<'a> {
     scene: &'a Scene,
     options: Options,
-    flat: Flat,
-    probes: Vec<Probe>,
-    dome: Dome,
+    flat: Arc<Flat>,
+    dome: Arc<Dome>,
 }
 
 /// Pixels a side of a tile.
@@ -97,10 +97,28 @@ impl<'a> Stage<'a> {
         Self {
             scene,
             options: *options,
-            flat,
-            probes,
-            dome,
+            flat: Arc::new(flat),
+            dome: Arc::new(dome),
         }
+    }
+
+    /// The same stage for pictures of other care; the dome's light stays as it was gathered.
+    pub fn with(&self, options: &Options) -> Self {
+        Self {
+            options: *options,
+            ..self.clone()
+        }
+    }
+
+    /// A camera that has the whole scene in view.
+    pub fn frame(&self, view: &View) -> Camera {
+        Camera::framing(&self.flat.verts, view)
+    }
+
+    /// `count` pictures of the scene turning round once, all framed alike.
+    pub fn turn(&self, view: &View, count: usize) -> Vec<Image> {
+        let cameras = Camera::orbit(&self.flat.verts, view, count);
+        cameras.par_iter().map(|c| self.shoot(c)).collect()
     }
 
     /// Takes a picture.
@@ -111,7 +129,7 @@ impl<'a> Stage<'a> {
     /// Finds out what every pixel sees and sets the lights.
     pub(crate) fn expose<'s>(&'s self, camera: &'s Camera) -> Exposure<'s> {
         let studio = Studio::new(camera);
-        let dome = self.dome.light(&self.probes, |d| studio.radiance(d));
+        let dome = self.dome.light(|d| studio.radiance(d));
         let key_map = LightMap::new(&self.flat, studio.key_dir, self.options.shadow_map.max(64));
         let floor = self.floor(&dome, &key_map, &studio);
         let tiles = match self.options.supersampling {

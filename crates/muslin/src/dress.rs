@@ -307,13 +307,15 @@ impl<'a, 'w> Job<'a, 'w> {
         files::check_stored(self.avatar, &figure)?;
         let file = glb(&figure, &muslin_io::GlbOptions::default());
         let scene = look::scene(who, outfit, dressed, self.options.backdrop);
+        let stage = look::stage(&scene);
+        let (turning, front) = rayon::join(
+            || animated_png(&look::turning(&stage), look::FRAME_MS),
+            || png(&look::front(&stage)),
+        );
         let mut files = vec![
             ("look.glb", file.map_err(|e| file_failure(&e))?),
-            ("front.png", png(&look::front(&scene))),
-            (
-                "turntable.png",
-                animated_png(&look::turning(&scene), look::FRAME_MS),
-            ),
+            ("front.png", front),
+            ("turntable.png", turning),
         ];
         if let Some((camera, photo)) = &model.over {
             files.push((

@@ -6,8 +6,8 @@ use muslin_fit::Camera as Eye;
 use muslin_garment::{Fabric, Weave as Cross};
 use muslin_geom::Image;
 use muslin_picture::{
-    Background, Camera, Ground, Layer, Material, Options, Part as Shown, Scene, View, Weave,
-    WeaveKind, overlay, render, turntable,
+    Background, Camera, Ground, Layer, Material, Options, Part as Shown, Scene, Stage, View, Weave,
+    WeaveKind, overlay,
 };
 
 use crate::drape::Dressed;
@@ -29,30 +29,29 @@ const YAW: f64 = 0.35;
 /// Colour of the mannequin's base layer, linear RGB.
 const BASE_LAYER: [f32; 3] = [0.30, 0.30, 0.31];
 
+/// A scene with its light gathered, for all pictures of it.
+pub fn stage(scene: &Scene) -> Stage<'_> {
+    Stage::new(scene, &Options::default())
+}
+
 /// A picture of the figure from the front, a little to its side.
-pub fn front(scene: &Scene) -> Image {
-    let view = View {
-        width: FRONT,
-        height: FRONT,
-        yaw: YAW,
-        ..View::default()
-    };
-    render(
-        scene,
-        &Camera::framing(&scene.points(), &view),
-        &Options::default(),
-    )
+pub fn front(stage: &Stage) -> Image {
+    stage.shoot(&stage.frame(&view(FRONT)))
 }
 
 /// The figure turning round once.
-pub fn turning(scene: &Scene) -> Vec<Image> {
-    let view = View {
-        width: TURN,
-        height: TURN,
+pub fn turning(stage: &Stage) -> Vec<Image> {
+    stage.with(&Options::quick()).turn(&view(TURN), FRAMES)
+}
+
+/// Where both pictures are taken from, `side` pixels a side.
+fn view(side: usize) -> View {
+    View {
+        width: side,
+        height: side,
         yaw: YAW,
         ..View::default()
-    };
-    turntable(scene, &view, FRAMES, &Options::quick())
+    }
 }
 
 /// The fitted body laid over the photo it was fitted to.
