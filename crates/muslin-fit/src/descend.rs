@@ -11,6 +11,8 @@ pub struct Patience {
     pub steps: usize,
     /// Stop when a step saves less than this part of the cost.
     pub saving: f64,
+    /// Stop when the cost is no more than this.
+    pub enough: f64,
 }
 
 /// Where a descent ended.
@@ -36,7 +38,7 @@ pub fn descend(problem: &Problem, start: Guess, patience: Patience) -> Descent {
         steps: 0,
     };
     let mut lambda = 1e-3;
-    while at.steps < patience.steps && at.cost.is_finite() {
+    while at.steps < patience.steps && at.cost.is_finite() && at.cost > patience.enough {
         at.steps += 1;
         let system = equations(problem, &at.guess, &skin);
         let before = at.cost;

@@ -8,6 +8,9 @@ use muslin_body::{Avatar, PHENOTYPES, Shape};
 /// Phenotypes with two anchors: features are linear in each (gender, age, height, proportions).
 const STRAIGHT: [usize; 4] = [0, 1, 4, 5];
 
+/// How far from a kink a slope is surely that of one side.
+const KINK: f64 = 1e-9;
+
 /// A shape parameter that the solver may change, made ready.
 #[derive(Debug, Clone)]
 pub struct Free {
@@ -36,6 +39,8 @@ pub struct Shapes<'a> {
     /// How features change with the only free phenotype, if they are linear in it; empty if
     /// no phenotype is free.
     slope: Option<Vec<DVec3>>,
+    /// Least and greatest value of every free parameter.
+    ranges: Vec<[f64; 2]>,
 }
 
 impl Free {
@@ -58,6 +63,14 @@ impl Free {
             })
         };
         free.iter().map(one).collect()
+    }
+
+    fn range(&self) -> [f64; 2] {
+        match self.kind {
+            Kind::Phenotype(i) if PHENOTYPES[i] == "age" => [2.0 / 3.0, 1.0],
+            Kind::Phenotype(_) => [0.0, 1.0],
+            Kind::Slider(_) => [-1.0, 1.0],
+        }
     }
 
     fn prior(&self, base: &Shape) -> f64 {
@@ -93,6 +106,7 @@ impl<'a> Shapes<'a> {
             free,
             fixed,
             slope: None,
+            ranges: free.iter().map(Free::range).collect(),
         };
         let phenotypes = shapes.free_phenotypes();
         if phenotypes.len() < 2 && phenotypes.iter().all(|i| STRAIGHT.contains(i)) {
@@ -110,6 +124,7 @@ impl<'a> Shapes<'a> {
             fixed,
             free: &[],
             slope: Some(Vec::new()),
+            ranges: Vec::new(),
             ..self.clone()
         }
     }
@@ -142,12 +157,19 @@ impl<'a> Shapes<'a> {
 
     /// Brings values into the ranges that shapes may have.
     pub fn clamp(&self, values: &mut [f64]) {
-        for (free, value) in self.free.iter().zip(values) {
-            *value = match free.kind {
-                Kind::Phenotype(i) if PHENOTYPES[i] == "age" => value.clamp(2.0 / 3.0, 1.0),
-                Kind::Phenotype(_) => value.clamp(0.0, 1.0),
-                Kind::Slider(_) => value.clamp(-1.0, 1.0),
-            };
+        for (&[least, most], value) in self.ranges.iter().zip(values) {
+            *value = value.clamp(least, most);
+        }
+    }
+
+    /// Keeps parameter `i` on one side of the middle of its range, where it may have a kink.
+    pub fn keep_side(&mut self, i: usize, upper: bool) {
+        let [least, most] = &mut self.ranges[i];
+        let middle = 0.5 * (*least + *most);
+        if upper {
+            *least = middle + KINK;
+        } else {
+            *most = middle - KINK;
         }
     }
 

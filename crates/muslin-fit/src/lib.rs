@@ -6,6 +6,7 @@ pub mod detect;
 mod doubts;
 mod error;
 mod evidence;
+mod exact;
 mod figure;
 mod fold;
 mod guess;
@@ -15,8 +16,7 @@ mod problem;
 pub mod solve;
 mod start;
 mod system;
-#[cfg(test)]
-mod trial;
+pub mod trial;
 
 pub use camera::Camera;
 pub use error::FitError;

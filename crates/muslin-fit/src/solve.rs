@@ -94,10 +94,12 @@ const WORLD_SPREAD: [f64; 2] = [0.06, 0.15];
 const ROUGH: Patience = Patience {
     steps: 5,
     saving: 0.05,
+    enough: 0.0,
 };
 const FINE: Patience = Patience {
     steps: 25,
     saving: 1e-3,
+    enough: 0.0,
 };
 
 impl<'a> Fitter<'a> {
@@ -198,12 +200,14 @@ impl<'a> Fitter<'a> {
         }
     }
 
-    #[cfg(test)]
+    pub(crate) fn avatar(&self) -> &'a Avatar {
+        self.avatar
+    }
+
     pub(crate) fn folded(&self) -> &Folded {
         &self.folded
     }
 
-    #[cfg(test)]
     pub(crate) fn habits(&self) -> &[Option<Habit>] {
         &self.habits
     }
