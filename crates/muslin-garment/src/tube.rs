@@ -243,7 +243,8 @@ fn highest(start: usize, value: impl Fn(usize) -> f64) -> (usize, f64) {
     for sense in [1, DIRS - 1] {
         let (mut k, mut since) = (start, 0);
         while since < WINDOW {
-            k = (k + sense) % DIRS;
+            k += sense;
+            k -= if k >= DIRS { DIRS } else { 0 };
             since += 1;
             let v = value(k);
             if v > best.1 {

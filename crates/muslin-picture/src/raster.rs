@@ -203,6 +203,7 @@ impl<const S: usize> Tile<S> {
     fn fill_narrow(&mut self, tri: &Tri, e: &[Edge; 3], cols: Range<i32>, rows: Range<i32>) {
         let plane = tri.plane();
         let step = e.map(|e| self.offsets.map(|o| e.a as i32 * o[0] + e.b as i32 * o[1]));
+        let most = step.map(|steps| steps.into_iter().max().unwrap_or(0));
         let rise = self
             .offsets
             .map(|o| (plane.a * f64::from(o[0]) + plane.b * f64::from(o[1])) as f32);
@@ -211,6 +212,10 @@ impl<const S: usize> Tile<S> {
             for px in cols.clone() {
                 let x = i64::from(px) * UNIT;
                 let base = e.map(|e| e.at(x, y).clamp(-(1 << 30), 1 << 30) as i32);
+                // Half of the box around a small triangle lies beyond one of its edges.
+                if (base[0] + most[0]) | (base[1] + most[1]) | (base[2] + most[2]) < 0 {
+                    continue;
+                }
                 let level = (plane.a * x as f64 + plane.b * y as f64 + plane.c) as f32;
                 let at = ((py - self.y0) * self.width + px - self.x0) as usize;
                 let (near, id) = (&mut self.near[at], &mut self.id[at]);

@@ -50,7 +50,7 @@ impl Options {
     pub fn quick() -> Self {
         Self {
             supersampling: 3,
-            shadow_map: 1024,
+            shadow_map: 512,
             ..Self::default()
         }
     }

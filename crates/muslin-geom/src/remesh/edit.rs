@@ -341,22 +341,46 @@ fn tip(f: [u32; 3], ends: [u32; 2]) -> u32 {
 
 /// Every edge once, in ascending order.
 fn edges(faces: &[[u32; 3]]) -> Vec<Edge> {
-    let mut sides: Vec<([u32; 2], u32)> = Vec::with_capacity(faces.len() * 3);
-    for (t, f) in faces.iter().enumerate() {
-        sides.extend((0..3).map(|k| (key(f[k], f[(k + 1) % 3]), t as u32)));
-    }
-    sides.sort_unstable();
+    let (starts, mut sides) = sides(faces);
     let mut all: Vec<Edge> = Vec::with_capacity(sides.len() / 2 + 1);
-    for (ends, face) in sides {
-        match all.last_mut() {
-            Some(e) if e.ends == ends => e.faces[1] = face,
-            _ => all.push(Edge {
-                ends,
-                faces: [face, NONE],
-            }),
+    for (first, bin) in starts.windows(2).enumerate() {
+        let bin = &mut sides[bin[0] as usize..bin[1] as usize];
+        bin.sort_unstable();
+        for &[second, face] in &*bin {
+            let ends = [first as u32, second];
+            match all.last_mut() {
+                Some(e) if e.ends == ends => e.faces[1] = face,
+                _ => all.push(Edge {
+                    ends,
+                    faces: [face, NONE],
+                }),
+            }
         }
     }
     all
+}
+
+/// The faces' sides as (higher end, face), gathered by their lower end: where each end's
+/// start, and the sides. Many short sorts then cost less than a long one.
+fn sides(faces: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 2]>) {
+    let keys = |f: [u32; 3]| [0, 1, 2].map(|k| key(f[k], f[(k + 1) % 3]));
+    let n_verts = faces.iter().flatten().max().map_or(0, |&i| i as usize + 1);
+    let mut starts = vec![0u32; n_verts + 1];
+    for [low, _] in faces.iter().flat_map(|&f| keys(f)) {
+        starts[low as usize + 1] += 1;
+    }
+    for i in 1..starts.len() {
+        starts[i] += starts[i - 1];
+    }
+    let mut next = starts.clone();
+    let mut sides = vec![[0; 2]; faces.len() * 3];
+    for (t, &f) in faces.iter().enumerate() {
+        for [low, high] in keys(f) {
+            sides[next[low as usize] as usize] = [high, t as u32];
+            next[low as usize] += 1;
+        }
+    }
+    (starts, sides)
 }
 
 fn ring_faces(faces: &[[u32; 3]], n_verts: usize) -> Vec<Vec<u32>> {
