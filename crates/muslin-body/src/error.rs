@@ -30,6 +30,12 @@ pub enum BodyError {
         /// Names that exist, the most alike first.
         nearest: Vec<String>,
     },
+    /// No built-in motion has this name.
+    #[error("no motion is called {name:?}; there are {}", crate::motions::NAMES.join(", "))]
+    UnknownMotion {
+        /// The name that was asked for.
+        name: String,
+    },
     /// No bone has this name.
     #[error("no bone is called {name:?}; near it: {}", nearest.join(", "))]
     UnknownBone {

@@ -21,15 +21,6 @@ pub struct Pose {
     pub rotations: Vec<DQuat>,
 }
 
-/// Poses at a steady rate.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Motion {
-    /// Poses a second [1/s].
-    pub fps: f64,
-    /// In order of time.
-    pub poses: Vec<Pose>,
-}
-
 /// A figure in a pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Posed {

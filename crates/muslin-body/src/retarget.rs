@@ -54,10 +54,13 @@ pub fn retarget(
 ) -> Result<Pose, BodyError> {
     let actor = Actor::new(recording)?;
     let target = Target::new(avatar, figure)?;
-    Ok(target.pose(&actor, &actor.stance(frame)))
+    Ok(target.pose(&actor, &actor.stance(frame), &mut [Twist::default(); 4]))
 }
 
 /// Our body in all stances of `recording`; see [`retarget`].
+///
+/// Twist about upper arms and thighs goes on from frame to frame: it never jumps by a whole turn,
+/// and follows at ten radians a second at most where the recording's joints leave it open.
 pub fn retarget_all(
     avatar: &Avatar,
     figure: &Figure,
@@ -65,7 +68,12 @@ pub fn retarget_all(
 ) -> Result<Motion, BodyError> {
     let actor = Actor::new(recording)?;
     let target = Target::new(avatar, figure)?;
-    let poses = (0..recording.frames.len()).map(|f| target.pose(&actor, &actor.stance(f)));
+    let most = FASTEST_TWIST / recording.fps.max(1.0);
+    let mut twists = [Twist { last: None, most }; 4];
+    let poses = (0..recording.frames.len()).map(|f| {
+        let stance = actor.stance(f);
+        target.pose(&actor, &stance, &mut twists)
+    });
     Ok(Motion {
         fps: recording.fps,
         poses: poses.collect(),
@@ -349,15 +357,15 @@ struct Target<'a> {
 }
 
 /// The bones that follow; sides: left, right.
-struct Bones {
-    spine: [usize; 5],
-    neck: [usize; 4],
-    arm: [[usize; 3]; 2],
-    leg: [[usize; 3]; 2],
+pub(crate) struct Bones {
+    pub spine: [usize; 5],
+    pub neck: [usize; 4],
+    pub arm: [[usize; 3]; 2],
+    pub leg: [[usize; 3]; 2],
 }
 
 impl Bones {
-    fn find(avatar: &Avatar) -> Result<Bones, BodyError> {
+    pub(crate) fn find(avatar: &Avatar) -> Result<Bones, BodyError> {
         let bone = |name: &str| avatar.rig().bone(name);
         let limb = |names: [&str; 3], side: &str| {
             let [a, b, c] = names.map(|n| bone(&format!("{n}.{side}")));
@@ -414,7 +422,7 @@ impl<'a> Target<'a> {
         })
     }
 
-    fn pose(&self, actor: &Actor, stance: &Stance) -> Pose {
+    fn pose(&self, actor: &Actor, stance: &Stance, twists: &mut [Twist; 4]) -> Pose {
         let mut pose = Pose::rest(self.avatar);
         let [pelvis, chest] = std::array::from_fn(|k| {
             DQuat::from_mat3(&(stance.trunk()[k] * self.rest.trunk()[k].transpose()))
@@ -423,8 +431,19 @@ impl<'a> Target<'a> {
         share(&mut pose, &self.bones.spine, pelvis.inverse() * chest);
         self.turn_head(&mut pose, stance, chest);
         for side in 0..2 {
-            self.turn_arm(&mut pose, stance, side, chest);
-            self.turn_leg(&mut pose, stance, side, pelvis);
+            let [arm, leg] = [self.arm(stance, side), self.leg(stance, side)];
+            turn_limb(
+                &mut pose,
+                self.bones.arm[side],
+                chest,
+                (arm, &mut twists[side]),
+            );
+            turn_limb(
+                &mut pose,
+                self.bones.leg[side],
+                pelvis,
+                (leg, &mut twists[2 + side]),
+            );
         }
         pose.root = self.hips(actor, stance) - self.root - pelvis * (self.rest.hips() - self.root);
         pose
@@ -449,25 +468,77 @@ impl<'a> Target<'a> {
         }
     }
 
-    fn turn_arm(&self, pose: &mut Pose, stance: &Stance, side: usize, chest: DQuat) {
+    fn arm(&self, stance: &Stance, side: usize) -> Limb {
         let rest = limb(self.rest.arm[side], self.rest.hand[side]);
         let now = limb(stance.arm[side], stance.hand[side]);
         // The forearm bends forward: from along the arm toward +z.
         let hinge = rest[0].cross(DVec3::Z).normalize_or_zero();
-        turn_limb(pose, self.bones.arm[side], chest, Limb { rest, now, hinge });
+        let hint = DVec3::ZERO;
+        Limb {
+            rest,
+            now,
+            hinge,
+            hint,
+        }
     }
 
-    fn turn_leg(&self, pose: &mut Pose, stance: &Stance, side: usize, pelvis: DQuat) {
+    fn leg(&self, stance: &Stance, side: usize) -> Limb {
         let rest = limb(self.rest.leg[side], self.rest.toe[side]);
         let now = limb(stance.leg[side], stance.toe[side]);
         // The shin bends backward: from down toward −z.
         let hinge = rest[0].cross(DVec3::NEG_Z).normalize_or_zero();
-        turn_limb(
-            pose,
-            self.bones.leg[side],
-            pelvis,
-            Limb { rest, now, hinge },
-        );
+        // A straight knee has no axis, but the foot tells which way it would bend.
+        let hint = TOES * now[2].cross(now[0]);
+        Limb {
+            rest,
+            now,
+            hinge,
+            hint,
+        }
+    }
+}
+
+/// How much the foot's direction counts beside the bend of the knee.
+const TOES: f64 = 0.4;
+
+/// Fastest that a twist may follow [rad/s].
+const FASTEST_TWIST: f64 = 10.0;
+
+/// The twist of a limb's first bone as it goes on from frame to frame.
+#[derive(Clone, Copy)]
+struct Twist {
+    /// In the frame before [rad].
+    last: Option<f64>,
+    /// Largest change in a frame [rad].
+    most: f64,
+}
+
+impl Default for Twist {
+    fn default() -> Self {
+        Twist {
+            last: None,
+            most: f64::INFINITY,
+        }
+    }
+}
+
+impl Twist {
+    /// The next twist, given what the recording tells now and how sure that is, 0 to 1.
+    fn follow(&mut self, seen: f64, angle: f64) -> f64 {
+        let Some(last) = self.last else {
+            self.last = Some(seen * angle);
+            return seen * angle;
+        };
+        let whole = std::f64::consts::TAU;
+        // The way round that is nearer to where the limb is, but no more than a turn and a half.
+        let angle = angle + whole * ((last - angle) / whole).round();
+        let angle = match angle.abs() > 0.75 * whole {
+            true => angle - whole * angle.signum(),
+            false => angle,
+        };
+        let next = last + (seen * angle - last).clamp(-self.most, self.most);
+        self.last = Some(next);
+        next
     }
 }
 
@@ -477,6 +548,8 @@ struct Limb {
     rest: [DVec3; 3],
     now: [DVec3; 3],
     hinge: DVec3,
+    /// What else tells that axis now; zero if nothing does.
+    hint: DVec3,
 }
 
 fn limb(joints: [DVec3; 3], end: Option<DVec3>) -> [DVec3; 3] {
@@ -485,14 +558,19 @@ fn limb(joints: [DVec3; 3], end: Option<DVec3>) -> [DVec3; 3] {
 }
 
 /// Spreads one rotation evenly over a chain of bones.
-fn share(pose: &mut Pose, bones: &[usize], turn: DQuat) {
+pub(crate) fn share(pose: &mut Pose, bones: &[usize], turn: DQuat) {
     let each = DQuat::IDENTITY.slerp(turn, 1.0 / bones.len() as f64);
     for &b in bones {
         pose.rotations[b] = each;
     }
 }
 
-fn turn_limb(pose: &mut Pose, bones: [usize; 3], world_from_trunk: DQuat, limb: Limb) {
+fn turn_limb(
+    pose: &mut Pose,
+    bones: [usize; 3],
+    world_from_trunk: DQuat,
+    (limb, memory): (Limb, &mut Twist),
+) {
     let mut parent = world_from_trunk;
     for k in 0..3 {
         let mut turn = parent;
@@ -500,7 +578,7 @@ fn turn_limb(pose: &mut Pose, bones: [usize; 3], world_from_trunk: DQuat, limb: 
             turn = DQuat::from_rotation_arc(parent * limb.rest[k], limb.now[k]) * parent;
         }
         if k == 0 {
-            turn = twist(turn * limb.hinge, &limb.now) * turn;
+            turn = twist(turn * limb.hinge, &limb, memory) * turn;
         }
         pose.rotations[bones[k]] = parent.inverse() * turn;
         parent = turn;
@@ -509,14 +587,13 @@ fn turn_limb(pose: &mut Pose, bones: [usize; 3], world_from_trunk: DQuat, limb: 
 
 /// The turn about the first bone that brings `hinge` into the axis of the bend; fades out as
 /// the limb straightens and its axis is lost.
-fn twist(hinge: DVec3, now: &[DVec3; 3]) -> DQuat {
-    let bend = now[0].cross(now[1]);
+fn twist(hinge: DVec3, limb: &Limb, memory: &mut Twist) -> DQuat {
+    let now = limb.now;
+    let bend = now[0].cross(now[1]) + limb.hint;
     let seen = ((bend.length() - 0.1) / 0.4).clamp(0.0, 1.0);
     let angle = hinge.cross(bend).dot(now[0]).atan2(hinge.dot(bend));
-    DQuat::from_axis_angle(
-        now[0].normalize_or(DVec3::Y),
-        seen * seen * (3.0 - 2.0 * seen) * angle,
-    )
+    let turn = memory.follow(seen * seen * (3.0 - 2.0 * seen), angle);
+    DQuat::from_axis_angle(now[0].normalize_or(DVec3::Y), turn)
 }
 
 #[cfg(test)]
