@@ -53,6 +53,8 @@ fn samples(folder: &Path) -> Result<Vec<String>, String> {
         "muslin-io",
         "--test",
         "models",
+        "--test",
+        "moving",
         "files_for",
     ]);
     output(cargo.env("MUSLIN_GLTF_SAMPLES", folder))?;

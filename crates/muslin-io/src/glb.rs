@@ -5,8 +5,12 @@
 //! normals would save 4 bytes more, but their 0.4° show as bands on smooth skin.
 
 mod bin;
+mod buffer;
 mod json;
+mod moving;
+mod play;
 mod tangent;
+mod turn;
 
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -14,6 +18,9 @@ use serde_json::{Value, json};
 use crate::error::IoError;
 use crate::scene::{Node, Scene};
 use bin::{Bin, Grid};
+
+pub use moving::{Moved, Skinned, moving_glb};
+pub use play::read_moving;
 
 /// How a GLB is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,12 +108,21 @@ fn placed(node: &Node, mesh: usize, grid: Option<Grid>) -> Value {
         value["translation"] = json!(grid.origin);
         value["scale"] = json!([grid.step, grid.step, grid.step]);
     }
-    let frame = bin::UvFrame::of(&node.uvs);
-    if !node.uvs.is_empty() && !frame.is_plain() {
-        // Lets a reader find the tailor's coordinates again: uv = offset + scale * stored.
-        value["extras"] = json!({ "uv_offset": frame.offset.to_array(), "uv_scale": frame.scale });
+    let extras = uv_extras(node);
+    if !extras.is_null() {
+        value["extras"] = extras;
     }
     value
+}
+
+/// What lets a reader find the tailor's coordinates again: uv = offset + scale * stored; null where
+/// they are stored as they are.
+fn uv_extras(node: &Node) -> Value {
+    let frame = bin::UvFrame::of(&node.uvs);
+    match node.uvs.is_empty() || frame.is_plain() {
+        true => Value::Null,
+        false => json!({ "uv_offset": frame.offset.to_array(), "uv_scale": frame.scale }),
+    }
 }
 
 /// Wraps JSON and binary into the container (glTF 2.0, section 4); an empty binary is left out.

@@ -5,14 +5,17 @@
 //! nobody ever sees half a file.
 
 pub mod bvh;
+mod clip;
 mod error;
 mod glb;
 mod input;
+pub mod npz;
 mod obj;
 mod output;
 mod photo;
 mod picture;
 mod pose_models;
+mod pose_npz;
 mod report;
 mod scene;
 mod sha256;
@@ -21,14 +24,16 @@ mod sniff;
 mod testing;
 mod tflite;
 
+pub use clip::{Clip, read_clip, read_pc2, write_pc2};
 pub use error::{Fault, IoError, Place, name, quote};
-pub use glb::{GlbOptions, glb, stored_positions};
+pub use glb::{GlbOptions, Moved, Skinned, glb, moving_glb, stored_positions};
 pub use input::{Input, read_file};
 pub use obj::obj;
 pub use output::{Output, Written, write_file};
 pub use photo::{Photo, PhotoLimits, decode_photo, flatten, read_photo};
 pub use picture::{animated_png, png};
 pub use pose_models::{PoseGraphs, pose_graphs};
+pub use pose_npz::{read_poses, write_poses};
 pub use report::report_json;
 pub use scene::{Maps, Material, Node, Scene, Sheen};
 pub use sha256::sha256;

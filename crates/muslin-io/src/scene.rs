@@ -102,8 +102,21 @@ impl Node {
     ///
     /// # Panics
     /// If an index has no vertex or no coordinates.
-    pub fn with_corner_uvs(mut self, uv_faces: &[[u32; 3]], uvs: &[DVec2]) -> Self {
+    pub fn with_corner_uvs(self, uv_faces: &[[u32; 3]], uvs: &[DVec2]) -> Self {
+        self.with_corner_uvs_and_sources(uv_faces, uvs).0
+    }
+
+    /// As [`Node::with_corner_uvs`], and for each vertex of the result the one it is a copy of.
+    ///
+    /// # Panics
+    /// If an index has no vertex or no coordinates.
+    pub fn with_corner_uvs_and_sources(
+        mut self,
+        uv_faces: &[[u32; 3]],
+        uvs: &[DVec2],
+    ) -> (Self, Vec<u32>) {
         let n = self.mesh.verts.len();
+        let mut sources: Vec<u32> = (0..n as u32).collect();
         self.normals = self.normals_or_smooth().into_owned();
         self.uvs = vec![DVec2::ZERO; n];
         let mut uv_of: Vec<Option<u32>> = vec![None; n];
@@ -119,11 +132,12 @@ impl Node {
                     self.mesh.verts.push(self.mesh.verts[vert]);
                     self.normals.push(self.normals[vert]);
                     self.uvs.push(uvs[uv as usize]);
+                    sources.push(vert as u32);
                     self.mesh.verts.len() as u32 - 1
                 });
             }
         }
-        self
+        (self, sources)
     }
 
     /// Leaves out vertices that no triangle uses; the rest keep their order.

@@ -4,6 +4,8 @@ use glam::{DVec2, DVec3, DVec4};
 use serde_json::{Value, json};
 
 /// Component types of glTF.
+const BYTE: u32 = 5120;
+const UNSIGNED_BYTE: u32 = 5121;
 const SHORT: u32 = 5122;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
@@ -109,13 +111,21 @@ impl Bin {
     /// Positions as grid points.
     pub fn grid_positions(&mut self, points: &[DVec3], grid: &Grid) -> usize {
         let cells: Vec<[i16; 3]> = points.iter().map(|&p| grid.nearest(p)).collect();
+        self.cells(&cells, true)
+    }
+
+    /// Positions, or moves from there, in grid cells; with their bounds where a reader wants them.
+    pub fn cells(&mut self, cells: &[[i16; 3]], bounded: bool) -> usize {
         let bound = |pick: fn(i16, i16) -> i16| {
             let merge = |a: [i16; 3], b: [i16; 3]| std::array::from_fn(|k| pick(a[k], b[k]));
             cells.iter().copied().reduce(merge).unwrap_or_default()
         };
-        let (low, high) = (bound(i16::min), bound(i16::max));
-        let view = self.shorts(&cells);
-        let shape = json!({ "type": "VEC3", "componentType": SHORT, "min": low, "max": high });
+        let view = self.shorts(cells);
+        let mut shape = json!({ "type": "VEC3", "componentType": SHORT });
+        if bounded {
+            shape["min"] = json!(bound(i16::min));
+            shape["max"] = json!(bound(i16::max));
+        }
         self.accessor(view, shape)
     }
 
@@ -164,6 +174,84 @@ impl Bin {
         let view = self.view(start, json!({ "target": VERTICES, "byteStride": 4 }));
         let shape = json!({ "type": "VEC2", "componentType": UNSIGNED_SHORT, "normalized": true });
         self.accessor((view, uvs.len()), shape)
+    }
+
+    /// Moves of normals as 8-bit fractions of one, padded to four bytes.
+    pub fn bytes(&mut self, moves: &[[i8; 3]]) -> usize {
+        let start = self.start();
+        for [x, y, z] in moves {
+            self.bytes.extend([*x as u8, *y as u8, *z as u8, 0]);
+        }
+        let view = self.view(start, json!({ "target": VERTICES, "byteStride": 4 }));
+        let shape = json!({ "type": "VEC3", "componentType": BYTE, "normalized": true });
+        self.accessor((view, moves.len()), shape)
+    }
+
+    /// Four bones a vertex.
+    pub fn joints(&mut self, joints: impl ExactSizeIterator<Item = [u8; 4]>) -> usize {
+        let (start, n) = (self.start(), joints.len());
+        self.bytes.extend(joints.flatten());
+        let view = self.view(start, json!({ "target": VERTICES, "byteStride": 4 }));
+        self.accessor(
+            (view, n),
+            json!({ "type": "VEC4", "componentType": UNSIGNED_BYTE }),
+        )
+    }
+
+    /// Any floats, `N` to a vertex.
+    pub fn attribute<const N: usize>(
+        &mut self,
+        values: impl ExactSizeIterator<Item = [f32; N]>,
+        shape: Value,
+    ) -> usize {
+        let view = self.floats(values);
+        self.accessor(view, shape)
+    }
+
+    /// Floats that are no vertices, such as times and places of an animation.
+    pub fn keys<const N: usize>(
+        &mut self,
+        values: impl ExactSizeIterator<Item = [f32; N]>,
+        shape: Value,
+    ) -> usize {
+        let (start, n) = (self.start(), values.len());
+        for c in values.flatten() {
+            self.bytes.extend(c.to_le_bytes());
+        }
+        let view = self.view(start, json!({}));
+        self.accessor((view, n), shape)
+    }
+
+    /// Moves of a few of `n` vertices, in ascending order; the others stay.
+    pub fn sparse(&mut self, moves: &[(u32, DVec3)], n: usize) -> usize {
+        let start = self.start();
+        moves
+            .iter()
+            .for_each(|m| self.bytes.extend(m.0.to_le_bytes()));
+        let indices = self.view(start, json!({}));
+        let start = self.start();
+        for c in moves.iter().flat_map(|m| m.1.as_vec3().to_array()) {
+            self.bytes.extend(c.to_le_bytes());
+        }
+        let values = self.view(start, json!({}));
+        let mut all: Vec<DVec3> = moves.iter().map(|m| m.1.as_vec3().as_dvec3()).collect();
+        if moves.len() < n {
+            all.push(DVec3::ZERO);
+        }
+        let (low, high) = bounds(&all);
+        self.accessors.push(json!({
+            "type": "VEC3",
+            "componentType": FLOAT,
+            "count": n,
+            "min": low.as_vec3().to_array(),
+            "max": high.as_vec3().to_array(),
+            "sparse": {
+                "count": moves.len(),
+                "indices": { "bufferView": indices, "componentType": UNSIGNED_INT },
+                "values": { "bufferView": values },
+            },
+        }));
+        self.accessors.len() - 1
     }
 
     /// Triangles; 16-bit where the vertices allow (65,535 is kept for restarts).
@@ -237,7 +325,7 @@ impl Bin {
     }
 
     /// An accessor over all of a view: `(view, count)`.
-    fn accessor(&mut self, (view, count): (usize, usize), mut shape: Value) -> usize {
+    pub fn accessor(&mut self, (view, count): (usize, usize), mut shape: Value) -> usize {
         shape["bufferView"] = view.into();
         shape["count"] = count.into();
         self.accessors.push(shape);
@@ -246,7 +334,7 @@ impl Bin {
 }
 
 /// The corners of the box around `points`.
-fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
+pub fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
     let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     (
         low,

@@ -1,0 +1,350 @@
+//! Animated cloth and the body it hangs on, as files carry it: NPZ, PC2 with OBJ, and GLB.
+//!
+//! The NPZ layout is for exchange with other people's programs: `cloth` (T,V,3) and `body` (T,B,3)
+//! as `float32` [m], `faces` (F,3) and `body_faces` as `int32`, `rest` (V,3) as `float32` [m],
+//! `fps` as one `float64`. Cloth that was cut flat also has `rest_corners` (F,3,2) `float32` [m]:
+//! each face's own corners in its pattern, which are its exact rest shape; `rest` is then near it
+//! only. What is not known is left out.
+
+mod pc2;
+
+use std::path::{Path, PathBuf};
+
+use glam::{DVec2, DVec3};
+use muslin_geom::{Drape, Part};
+
+use crate::error::{Fault, IoError, Place, name};
+use crate::input::read_file;
+use crate::npz::{self, Array, Npz};
+
+pub use pc2::{read_pc2, write_pc2};
+
+/// Files with more bytes are refused.
+const MAX_BYTES: u64 = 4 << 30;
+
+/// A drape with the body that it was draped on.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Clip {
+    /// The cloth.
+    pub drape: Drape,
+    /// The body's vertices [m], one list per frame of the cloth; empty if the body is not known.
+    pub body: Vec<Vec<DVec3>>,
+    /// The body's triangles.
+    pub body_faces: Vec<[u32; 3]>,
+    /// A shape of the cloth whose edges have (nearly) their rest lengths [m]; may be empty.
+    pub rest: Vec<DVec3>,
+    /// For cloth that was cut flat: each face's corners in its pattern [m]; may be empty.
+    pub corners: Vec<[DVec2; 3]>,
+}
+
+impl Clip {
+    /// Checks what writers and judges rely on: as many body frames as cloth frames, equal numbers
+    /// of vertices in all frames, corners that are vertices. Numbers may be anything.
+    pub fn check_shape(&self) -> Result<(), IoError> {
+        let fault = |what: String| Err(Fault::new("bad-clip", "the animation", what).invalid());
+        let (frames, n) = (&self.drape.frames, self.n_verts());
+        if frames.is_empty() || n == 0 || self.drape.faces.is_empty() {
+            return fault("no frames, no vertices or no triangles".into());
+        }
+        if let Some(i) = frames.iter().position(|f| f.len() != n) {
+            return fault(format!(
+                "frame {i} has {} vertices, frame 0 has {n}",
+                frames[i].len()
+            ));
+        }
+        let n_body = self.body.first().map_or(0, Vec::len);
+        if !(self.body.is_empty() || self.body.len() == frames.len())
+            || self.body.iter().any(|f| f.len() != n_body)
+        {
+            return fault("the body's frames do not go with the cloth's".into());
+        }
+        let inside =
+            |faces: &[[u32; 3]], n: usize| faces.as_flattened().iter().all(|&i| (i as usize) < n);
+        if !inside(&self.drape.faces, n) || !inside(&self.body_faces, n_body) {
+            return fault("a triangle has a corner that is no vertex".into());
+        }
+        let fits = |len: usize, want: usize| len == 0 || len == want;
+        if !fits(self.rest.len(), n) || !fits(self.corners.len(), self.drape.faces.len()) {
+            return fault("the rest shape does not go with the cloth".into());
+        }
+        match self.drape.fps > 0.0 && self.drape.fps.is_finite() || frames.len() == 1 {
+            true => Ok(()),
+            false => fault("frames per second are unknown".into()),
+        }
+    }
+
+    /// As [`Clip::check_shape`], and every position is a finite number.
+    pub fn check(&self) -> Result<(), IoError> {
+        self.check_shape()?;
+        for (what, frames) in [("cloth", &self.drape.frames), ("body", &self.body)] {
+            let bad = |f: &Vec<DVec3>| !f.iter().all(|v| v.is_finite());
+            if let Some(i) = frames.iter().position(bad) {
+                let place = Place::Pointer(format!("/{what}/{i}"));
+                let fault = Fault::new(
+                    "bad-clip",
+                    "the animation",
+                    "a position is not a finite number",
+                );
+                return Err(fault.at(place).invalid());
+            }
+        }
+        Ok(())
+    }
+
+    /// How many vertices the cloth has.
+    pub fn n_verts(&self) -> usize {
+        self.drape.frames.first().map_or(0, Vec::len)
+    }
+
+    /// Each garment on its own, with the body. Cloth without parts is one garment, `cloth`.
+    pub fn garments(&self) -> Vec<(String, Clip)> {
+        let whole = Part {
+            name: "cloth".into(),
+            verts: 0..self.n_verts(),
+            faces: 0..self.drape.faces.len(),
+        };
+        let parts = match self.drape.parts.is_empty() {
+            true => std::slice::from_ref(&whole),
+            false => &self.drape.parts,
+        };
+        parts
+            .iter()
+            .map(|p| (p.name.clone(), self.part(p)))
+            .collect()
+    }
+
+    fn part(&self, part: &Part) -> Clip {
+        let first = part.verts.start as u32;
+        let faces = &self.drape.faces[part.faces.clone()];
+        let cut = |list: &[DVec3]| list[part.verts.clone()].to_vec();
+        let (n, f) = (part.verts.len(), part.faces.len());
+        let alone = Part {
+            name: part.name.clone(),
+            verts: 0..n,
+            faces: 0..f,
+        };
+        Clip {
+            drape: Drape {
+                parts: vec![alone],
+                faces: faces.iter().map(|t| t.map(|i| i - first)).collect(),
+                frames: self.drape.frames.iter().map(|x| cut(x)).collect(),
+                fps: self.drape.fps,
+            },
+            body: self.body.clone(),
+            body_faces: self.body_faces.clone(),
+            rest: if self.rest.is_empty() {
+                Vec::new()
+            } else {
+                cut(&self.rest)
+            },
+            corners: match self.corners.is_empty() {
+                true => Vec::new(),
+                false => self.corners[part.faces.clone()].to_vec(),
+            },
+        }
+    }
+
+    /// One clip of several: garments in layer order, innermost first, over one body.
+    ///
+    /// A rest shape is kept if all have it. Fails if frames or rates differ.
+    pub fn joined(garments: Vec<Clip>) -> Result<Clip, IoError> {
+        let mut all = garments.into_iter();
+        let Some(mut out) = all.next() else {
+            return Err(Fault::new("bad-clip", "the animation", "no garment").invalid());
+        };
+        for one in all {
+            let same =
+                one.drape.frames.len() == out.drape.frames.len() && one.drape.fps == out.drape.fps;
+            if !same {
+                let fault = Fault::new("bad-clip", "the garments", "they differ in frames or rate");
+                return Err(fault.invalid());
+            }
+            let (n, f) = (out.n_verts(), out.drape.faces.len());
+            out.drape.parts.extend(one.drape.parts.iter().map(|p| Part {
+                name: p.name.clone(),
+                verts: n + p.verts.start..n + p.verts.end,
+                faces: f + p.faces.start..f + p.faces.end,
+            }));
+            out.drape
+                .faces
+                .extend(one.drape.faces.iter().map(|t| t.map(|i| i + n as u32)));
+            for (frame, more) in out.drape.frames.iter_mut().zip(&one.drape.frames) {
+                frame.extend(more);
+            }
+            append(&mut out.rest, &one.rest);
+            append(&mut out.corners, &one.corners);
+        }
+        Ok(out)
+    }
+
+    /// The bytes of an `.npz` in the exchange layout, all garments as one cloth.
+    pub fn npz(&self) -> Result<Vec<u8>, IoError> {
+        self.check()?;
+        let (t, n) = (self.drape.frames.len(), self.n_verts());
+        let mut arrays = vec![
+            (
+                "cloth",
+                Array::f32(&[t, n, 3], flat(self.drape.frames.iter().flatten())),
+            ),
+            ("faces", triangles(&self.drape.faces)),
+            ("fps", Array::number(self.drape.fps)),
+        ];
+        if let Some(first) = self.body.first() {
+            arrays.push((
+                "body",
+                Array::f32(&[t, first.len(), 3], flat(self.body.iter().flatten())),
+            ));
+            arrays.push(("body_faces", triangles(&self.body_faces)));
+        }
+        if !self.rest.is_empty() {
+            arrays.push(("rest", Array::f32(&[n, 3], flat(self.rest.iter()))));
+        }
+        if !self.corners.is_empty() {
+            let corners = self.corners.as_flattened().iter();
+            let corners = corners.flat_map(|c| c.as_vec2().to_array()).collect();
+            let shape = [self.corners.len(), 3, 2];
+            arrays.push(("rest_corners", Array::f32(&shape, corners)));
+        }
+        npz::write(&arrays)
+    }
+
+    /// Names and bytes of `.npz` files: `STEM.npz`, or with several garments `STEM.GARMENT.npz`
+    /// each, all with the body.
+    pub fn npz_files(&self, stem: &str) -> Result<Vec<(String, Vec<u8>)>, IoError> {
+        let garments = self.garments();
+        let alone = garments.len() == 1;
+        let file = |(name, clip): (String, Clip)| {
+            let name = match alone {
+                true => format!("{stem}.npz"),
+                false => format!("{stem}.{name}.npz"),
+            };
+            Ok((name, clip.npz()?))
+        };
+        garments.into_iter().map(file).collect()
+    }
+
+    /// Names and bytes of point caches for other programs: for every garment `GARMENT.pc2` and
+    /// `GARMENT.obj` (rest shape or first frame, whose comments tell rate and layer), and
+    /// `body.pc2` with `body.obj`.
+    pub fn pc2_files(&self) -> Result<Vec<(String, Vec<u8>)>, IoError> {
+        self.check()?;
+        pc2::files(self)
+    }
+
+    /// Reads the exchange layout; `name` is what errors call the file. Without `fps` it is 30.
+    pub fn from_npz(name: &str, bytes: &[u8]) -> Result<Clip, IoError> {
+        let npz = npz::read(name, bytes)?;
+        let cloth = npz.floats("cloth", &[None, None, Some(3)])?;
+        let shape = npz.shaped("cloth", &[None, None, Some(3)])?.shape.clone();
+        let (frames, n) = (shape[0], shape[1]);
+        let mut clip = Clip {
+            drape: Drape {
+                parts: Vec::new(),
+                faces: npz.triangles("faces", n)?,
+                frames: split(&cloth, n),
+                fps: fps(&npz)?,
+            },
+            ..Clip::default()
+        };
+        clip.drape.parts.push(Part {
+            name: stem(Path::new(name)),
+            verts: 0..n,
+            faces: 0..clip.drape.faces.len(),
+        });
+        if npz.get("body").is_some() {
+            let body = npz.floats("body", &[Some(frames), None, Some(3)])?;
+            let n_body = npz.shaped("body", &[None, None, Some(3)])?.shape[1];
+            clip.body = split(&body, n_body);
+            clip.body_faces = npz.triangles("body_faces", n_body)?;
+        }
+        if npz.get("rest").is_some() {
+            clip.rest = vectors(&npz.floats("rest", &[Some(n), Some(3)])?);
+        }
+        if npz.get("rest_corners").is_some() {
+            let shape = [Some(clip.drape.faces.len()), Some(3), Some(2)];
+            let flat = npz.floats("rest_corners", &shape)?;
+            let corner = |c: &[f64; 2]| DVec2::from_array(*c);
+            let corners: Vec<DVec2> = flat.as_chunks::<2>().0.iter().map(corner).collect();
+            clip.corners = corners.as_chunks::<3>().0.to_vec();
+        }
+        Ok(clip)
+    }
+}
+
+/// Reads an animation: `.npz` in the exchange layout, `.glb`, `.pc2` with its OBJ beside it, or a
+/// folder of point caches. A `body.pc2` beside a point cache is taken as the body.
+pub fn read_clip(path: &Path) -> Result<Clip, IoError> {
+    let clip = if path.is_dir()
+        || path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("pc2"))
+    {
+        pc2::read(path)?
+    } else {
+        let input = read_file(path, MAX_BYTES)?;
+        match input.bytes.get(..4) {
+            Some(b"PK\x03\x04") => Clip::from_npz(&input.file, &input.bytes)?,
+            Some(b"glTF") => crate::glb::read_moving(&input.file, &input.bytes)?,
+            _ => return Err(unknown(&name(path))),
+        }
+    };
+    clip.check_shape()?;
+    Ok(clip)
+}
+
+fn unknown(file: &str) -> IoError {
+    let fault = Fault::new("not-animated", file, "no animation that is read here");
+    fault
+        .allowed("NPZ, GLB, PC2 with OBJ, or a folder of these")
+        .hint("write it with `muslin simulate`")
+        .refused()
+}
+
+fn append<T: Clone>(list: &mut Vec<T>, more: &[T]) {
+    match list.is_empty() || more.is_empty() {
+        true => list.clear(),
+        false => list.extend_from_slice(more),
+    }
+}
+
+fn flat<'a>(points: impl Iterator<Item = &'a DVec3>) -> Vec<f32> {
+    points.flat_map(|p| p.as_vec3().to_array()).collect()
+}
+
+fn triangles(faces: &[[u32; 3]]) -> Array {
+    let corners = faces.as_flattened().iter().map(|&i| i.into());
+    Array::int(&[faces.len(), 3], corners.collect())
+}
+
+fn vectors(flat: &[f64]) -> Vec<DVec3> {
+    flat.as_chunks::<3>()
+        .0
+        .iter()
+        .map(|c| DVec3::from_array(*c))
+        .collect()
+}
+
+fn split(flat: &[f64], n: usize) -> Vec<Vec<DVec3>> {
+    vectors(flat)
+        .chunks(n.max(1))
+        .map(<[DVec3]>::to_vec)
+        .collect()
+}
+
+fn fps(npz: &Npz) -> Result<f64, IoError> {
+    let Some(array) = npz.get("fps") else {
+        return Ok(30.0);
+    };
+    let one = array.floats().filter(|f| f.len() == 1).map(|f| f[0]);
+    one.filter(|&f| f > 0.0 && f.is_finite())
+        .ok_or_else(|| npz.fault("fps", "is no positive number"))
+}
+
+/// The bare name of a file.
+fn stem(path: &Path) -> String {
+    let stem: PathBuf = path.file_stem().unwrap_or_default().into();
+    name(&stem)
+}
+
+#[cfg(test)]
+mod tests;

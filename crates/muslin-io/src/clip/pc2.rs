@@ -1,0 +1,249 @@
+//! PC2: the point cache that Blender, 3ds Max, Maya and Houdini play; topology in an OBJ beside it.
+//!
+//! 32 bytes of header (`POINTCACHE2\0`, version 1, points, first frame, frames a sample, samples),
+//! then `float32` positions frame by frame, all little-endian. The format has no rate, no names and
+//! no triangles: comments in the OBJ tell the rate and the layer.
+
+use std::path::Path;
+
+use glam::DVec3;
+use muslin_geom::{Drape, Mesh, Part};
+
+use super::Clip;
+use crate::error::{Fault, IoError, Place, name};
+use crate::input::read_file;
+use crate::obj::obj;
+use crate::scene::{Node, Scene};
+
+const MAGIC: &[u8; 12] = b"POINTCACHE2\0";
+const HEADER: usize = 32;
+const MAX_BYTES: u64 = 4 << 30;
+const MAX_OBJ: u64 = 256 << 20;
+
+/// The bytes of a `.pc2` file; all frames must have the same number of points.
+pub fn write_pc2(frames: &[Vec<DVec3>]) -> Vec<u8> {
+    let n = frames.first().map_or(0, Vec::len);
+    let mut out = MAGIC.to_vec();
+    out.extend(1i32.to_le_bytes());
+    out.extend((n as i32).to_le_bytes());
+    out.extend(0f32.to_le_bytes());
+    out.extend(1f32.to_le_bytes());
+    out.extend((frames.len() as i32).to_le_bytes());
+    out.reserve(frames.len() * n * 12);
+    for x in frames.iter().flatten() {
+        x.as_vec3()
+            .to_array()
+            .iter()
+            .for_each(|c| out.extend(c.to_le_bytes()));
+    }
+    out
+}
+
+/// The frames of a `.pc2` file; `name` is what errors call it.
+pub fn read_pc2(name: &str, bytes: &[u8]) -> Result<Vec<Vec<DVec3>>, IoError> {
+    let fault = |at: u64, what: &str| {
+        let fault = Fault::new("pc2", name, what).at(Place::Byte(at));
+        fault.hint("write the point cache again").invalid()
+    };
+    if bytes.get(..12) != Some(MAGIC) {
+        return Err(fault(0, "not a point cache (POINTCACHE2)"));
+    }
+    let word = |at: usize| bytes.get(at..at + 4).map(|b| [b[0], b[1], b[2], b[3]]);
+    let count = |at: usize| {
+        let n = word(at).map(i32::from_le_bytes).filter(|&n| n > 0);
+        n.map(|n| n as usize)
+            .ok_or_else(|| fault(at as u64, "no positive count"))
+    };
+    let (n, frames) = (count(16)?, count(28)?);
+    let want = n.checked_mul(12).and_then(|w| w.checked_mul(frames));
+    let body = want.and_then(|w| bytes.get(HEADER..HEADER.checked_add(w)?));
+    let body = body.ok_or_else(|| fault(bytes.len() as u64, "cut short"))?;
+    let point = |b: &[u8; 12]| {
+        let c = |k: usize| f64::from(f32::from_le_bytes([b[k], b[k + 1], b[k + 2], b[k + 3]]));
+        DVec3::new(c(0), c(4), c(8))
+    };
+    let points: Vec<DVec3> = body.as_chunks::<12>().0.iter().map(point).collect();
+    Ok(points.chunks(n).map(<[DVec3]>::to_vec).collect())
+}
+
+/// See [`Clip::pc2_files`].
+pub fn files(clip: &Clip) -> Result<Vec<(String, Vec<u8>)>, IoError> {
+    let mut out = Vec::new();
+    for (layer, (name, one)) in clip.garments().into_iter().enumerate() {
+        let verts = match one.rest.is_empty() {
+            true => one.drape.frames[0].clone(),
+            false => one.rest,
+        };
+        let faces = one.drape.faces;
+        let head = format!("# fps {}\n# layer {layer}\n", clip.drape.fps);
+        out.push((format!("{name}.pc2"), write_pc2(&one.drape.frames)));
+        out.push((
+            format!("{name}.obj"),
+            topology(&name, Mesh { verts, faces }, &head)?,
+        ));
+    }
+    if let Some(first) = clip.body.first() {
+        let mesh = Mesh {
+            verts: first.clone(),
+            faces: clip.body_faces.clone(),
+        };
+        out.push(("body.pc2".into(), write_pc2(&clip.body)));
+        out.push((
+            "body.obj".into(),
+            topology("body", mesh, &format!("# fps {}\n", clip.drape.fps))?,
+        ));
+    }
+    Ok(out)
+}
+
+fn topology(name: &str, mesh: Mesh, head: &str) -> Result<Vec<u8>, IoError> {
+    let node = Node {
+        name: name.into(),
+        mesh,
+        ..Node::default()
+    };
+    let scene = Scene {
+        nodes: vec![node],
+        ..Scene::default()
+    };
+    Ok(format!("{head}{}", obj(&scene)?).into_bytes())
+}
+
+/// What an OBJ beside a point cache tells.
+struct Beside {
+    mesh: Mesh,
+    fps: Option<f64>,
+    layer: f64,
+}
+
+/// Reads the point cache at `path`, or all of a folder; `body.pc2` is the body.
+pub fn read(path: &Path) -> Result<Clip, IoError> {
+    let folder = match path.is_dir() {
+        true => path,
+        false => path.parent().unwrap_or(Path::new("")),
+    };
+    let mut garments = Vec::new();
+    let mut fps = None;
+    for stem in stems(path, folder)? {
+        let (frames, beside) = one(&folder.join(format!("{stem}.pc2")))?;
+        fps = fps.or(beside.fps);
+        garments.push((beside.layer, garment(stem, frames, beside.mesh)));
+    }
+    garments.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut clip = Clip::joined(garments.into_iter().map(|g| g.1).collect())?;
+    let body = folder.join("body.pc2");
+    if body.is_file() {
+        let (frames, beside) = one(&body)?;
+        fps = fps.or(beside.fps);
+        (clip.body, clip.body_faces) = (frames, beside.mesh.faces);
+    }
+    clip.drape.fps = fps.unwrap_or(30.0);
+    Ok(clip)
+}
+
+/// Names, without ending, of the garments' caches.
+fn stems(path: &Path, folder: &Path) -> Result<Vec<String>, IoError> {
+    if !path.is_dir() {
+        return Ok(vec![super::stem(path)]);
+    }
+    let entries =
+        std::fs::read_dir(folder).map_err(|e| crate::error::unreadable(&name(folder), &e))?;
+    let caches = entries.flatten().map(|e| e.path());
+    let caches = caches.filter(|p| p.extension().is_some_and(|e| e == "pc2"));
+    let mut stems: Vec<String> = caches.map(|p| super::stem(&p)).collect();
+    stems.retain(|s| s != "body");
+    stems.sort();
+    if stems.is_empty() {
+        let fault = Fault::new(
+            "not-animated",
+            name(folder),
+            "no point cache (.pc2) in this folder",
+        );
+        return Err(fault
+            .hint("name a folder that `muslin simulate --pc2` wrote")
+            .invalid());
+    }
+    Ok(stems)
+}
+
+/// A cache and the OBJ beside it.
+fn one(path: &Path) -> Result<(Vec<Vec<DVec3>>, Beside), IoError> {
+    let input = read_file(path, MAX_BYTES)?;
+    let frames = read_pc2(&input.file, &input.bytes)?;
+    let beside = read_file(&path.with_extension("obj"), MAX_OBJ)?;
+    let text = String::from_utf8_lossy(&beside.bytes);
+    let beside = beside_from(&beside.file, &text)?;
+    if beside.mesh.verts.len() != frames[0].len() {
+        let fault = Fault::new("pc2", input.file, "the OBJ beside it is of another mesh");
+        return Err(fault
+            .found(format!("{} points", frames[0].len()))
+            .allowed(format!("{} vertices", beside.mesh.verts.len()))
+            .invalid());
+    }
+    Ok((frames, beside))
+}
+
+fn garment(name: String, frames: Vec<Vec<DVec3>>, mesh: Mesh) -> Clip {
+    let part = Part {
+        name,
+        verts: 0..mesh.verts.len(),
+        faces: 0..mesh.faces.len(),
+    };
+    Clip {
+        drape: Drape {
+            parts: vec![part],
+            faces: mesh.faces,
+            frames,
+            fps: 30.0,
+        },
+        rest: mesh.verts,
+        ..Clip::default()
+    }
+}
+
+/// Positions and triangles of an OBJ, and what our comments in it tell; polygons become fans.
+fn beside_from(file: &str, text: &str) -> Result<Beside, IoError> {
+    let mut out = Beside {
+        mesh: Mesh::default(),
+        fps: None,
+        layer: 0.0,
+    };
+    for (i, line) in text.lines().enumerate() {
+        let fault = |what: &str| {
+            Fault::new("obj", file, what)
+                .at(Place::Line(i + 1))
+                .invalid()
+        };
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let number = |k: usize| words.get(k).and_then(|w| w.parse::<f64>().ok());
+        match words.as_slice() {
+            ["#", "fps", ..] => out.fps = number(2).filter(|&f| f > 0.0 && f.is_finite()),
+            ["#", "layer", ..] => out.layer = number(2).unwrap_or(0.0),
+            ["v", ..] => {
+                let v = number(1).zip(number(2)).zip(number(3));
+                let ((x, y), z) = v.ok_or_else(|| fault("a vertex without three numbers"))?;
+                out.mesh.verts.push(DVec3::new(x, y, z));
+            }
+            ["f", corners @ ..] => {
+                let n = out.mesh.verts.len();
+                let corners: Option<Vec<u32>> = corners.iter().map(|c| corner(c, n)).collect();
+                let corners = corners.ok_or_else(|| fault("a corner that is no vertex"))?;
+                let fan = corners.windows(2).skip(1).map(|w| [corners[0], w[0], w[1]]);
+                out.mesh.faces.extend(fan);
+            }
+            _ => {}
+        }
+    }
+    Ok(out)
+}
+
+/// The vertex of a corner such as `7/1/3` or `-1`, counted from zero.
+fn corner(word: &str, n: usize) -> Option<u32> {
+    let index: i64 = word.split('/').next()?.parse().ok()?;
+    let index = if index < 0 {
+        n as i64 + index
+    } else {
+        index - 1
+    };
+    u32::try_from(index).ok().filter(|&i| (i as usize) < n)
+}

@@ -1,0 +1,101 @@
+use super::*;
+use crate::testing::Folder;
+
+/// Two garments of one square each over a body of one triangle, three frames.
+fn sample() -> Clip {
+    let frame = |t: f64| -> Vec<DVec3> {
+        (0..8)
+            .map(|i| DVec3::new(f64::from(i % 2), 0.25 * t, f64::from(i / 2)))
+            .collect()
+    };
+    let part = |name: &str, k: usize| Part {
+        name: name.into(),
+        verts: 4 * k..4 * k + 4,
+        faces: 2 * k..2 * k + 2,
+    };
+    let faces = vec![[0, 1, 2], [1, 3, 2], [4, 5, 6], [5, 7, 6]];
+    let corners = faces
+        .iter()
+        .map(|f: &[u32; 3]| f.map(|i| DVec2::new(f64::from(i % 2), f64::from(i / 2))))
+        .collect();
+    Clip {
+        drape: Drape {
+            parts: vec![part("trousers", 0), part("tee", 1)],
+            faces,
+            frames: (0..3).map(|t| frame(f64::from(t))).collect(),
+            fps: 60.0,
+        },
+        body: (0..3)
+            .map(|_| vec![DVec3::ZERO, DVec3::X, DVec3::Y])
+            .collect(),
+        body_faces: vec![[0, 1, 2]],
+        rest: frame(0.0),
+        corners,
+    }
+}
+
+#[test]
+fn an_exchange_file_comes_back_garment_by_garment() {
+    let clip = sample();
+    let folder = Folder::new("clip-npz");
+    let files = clip.npz_files("walk").expect("finite");
+    let names: Vec<&str> = files.iter().map(|f| f.0.as_str()).collect();
+    assert_eq!(names, ["walk.trousers.npz", "walk.tee.npz"]);
+    for ((_, bytes), (_, want)) in files.iter().zip(clip.garments()) {
+        let mut back = read_clip(&folder.put("a.npz", bytes)).expect("whole");
+        back.drape.parts = want.drape.parts.clone();
+        assert_eq!(back, want);
+    }
+    assert_eq!(
+        clip.garments()[1].1.npz_files("walk").expect("finite")[0].0,
+        "walk.npz"
+    );
+}
+
+#[test]
+fn point_caches_come_back_in_layer_order_with_rate_and_body() {
+    let clip = sample();
+    let folder = Folder::new("clip-pc2");
+    for (name, bytes) in clip.pc2_files().expect("finite") {
+        folder.put(&name, &bytes);
+    }
+    let back = read_clip(folder.path()).expect("whole");
+    let want = Clip {
+        corners: Vec::new(),
+        ..clip.clone()
+    };
+    assert_eq!(back, want);
+    let tee = read_clip(&folder.path().join("tee.pc2")).expect("whole");
+    assert_eq!(
+        (tee.drape.frames[2].clone(), tee.body.len()),
+        (clip.drape.frames[2][4..].to_vec(), 3)
+    );
+}
+
+#[test]
+fn what_is_not_finite_is_not_written_but_may_be_read_for_judging() {
+    let mut clip = sample();
+    clip.drape.frames[1][3].y = f64::NAN;
+    assert!(clip.npz().is_err() && clip.pc2_files().is_err());
+    let error = clip.npz().expect_err("not finite");
+    assert!(error.to_string().contains("/cloth/1"), "{error}");
+    assert!(clip.check_shape().is_ok());
+}
+
+#[test]
+fn cut_and_foreign_files_are_errors() {
+    let folder = Folder::new("clip-bad");
+    let pc2 = write_pc2(&sample().drape.frames);
+    for end in [0, 11, 20, 31, 32, 50, pc2.len() - 1] {
+        assert!(read_pc2("a.pc2", &pc2[..end]).is_err(), "{end}");
+    }
+    let huge = [&pc2[..16], &[0xff, 0xff, 0xff, 0x7f], &pc2[20..]].concat();
+    assert!(read_pc2("a.pc2", &huge).is_err());
+    assert!(
+        read_clip(&folder.put("a.pc2", &pc2)).is_err(),
+        "no OBJ beside it"
+    );
+    assert!(read_clip(&folder.put("a.npz", b"nothing")).is_err());
+    folder.put("a.obj", b"v 0 0 0\nf 1 2 3\n");
+    assert!(read_clip(&folder.path().join("a.pc2")).is_err());
+}

@@ -1,0 +1,564 @@
+//! Moving GLB: cloth as one morph target a frame, a body that follows its bones.
+//!
+//! Every viewer plays it and every editor opens it. A garment's node follows the cloth as a whole
+//! (its middle, and the turn that fits it best), so that the targets hold only what is left:
+//! 16-bit positions (a step of a hundredth of a millimetre or two) and 8-bit normals, 12 bytes a
+//! vertex and frame. Between frames a viewer blends linearly. Frame 0 is the mesh itself.
+//!
+//! The body is skinned with four bones a vertex at most. Where the given frames differ from that,
+//! as where flesh gave way to cloth, sparse targets carry the difference.
+
+use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
+use muslin_body::Rig;
+use serde_json::{Value, json};
+
+use super::bin::Bin;
+use super::json::Root;
+use super::turn::best_turn;
+use super::{GlbOptions, container};
+use crate::clip::Clip;
+use crate::error::{Fault, IoError, Place};
+use crate::scene::{Node, Scene};
+
+/// A thing of the scene, and which vertex of the frames each of its vertices is.
+///
+/// Texture seams double vertices: see [`Node::with_corner_uvs_and_sources`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moved {
+    /// Looks, triangles and texture coordinates; positions and normals are taken from the frames.
+    pub node: Node,
+    /// Vertex of the garment's (or body's) frames.
+    pub source: Vec<u32>,
+}
+
+/// How the body moves.
+#[derive(Clone, Debug)]
+pub struct Skinned<'a> {
+    /// Bones and weights over the body's vertices.
+    pub rig: &'a Rig,
+    /// Where each bone's head is at rest [m].
+    pub heads: Vec<DVec3>,
+    /// The body's vertices at rest [m].
+    pub rest: &'a [DVec3],
+    /// `world_from_rest` of every bone, frame by frame.
+    pub bones: Vec<Vec<DAffine3>>,
+}
+
+/// A body beyond this from its skinned place gets a correction [m].
+const EXACT: f64 = 1e-5;
+
+/// Cells of the grid to either side of the middle: differences of two must fit into 16 bits.
+const CELLS: f64 = 16_383.0;
+
+/// The bytes of an animated `.glb`: `body` with its skin, then the clip's garments in order.
+///
+/// `scene` lends its name and copyright; its nodes are not used.
+pub fn moving_glb(
+    scene: &Scene,
+    clip: &Clip,
+    body: Option<(&Moved, &Skinned)>,
+    garments: &[Moved],
+) -> Result<Vec<u8>, IoError> {
+    clip.check()?;
+    let parts = clip.garments();
+    let mut film = Film::new(clip);
+    if parts.len() != garments.len() {
+        return Err(Fault::new(
+            "bad-scene",
+            "the scene to write",
+            "one node a garment is needed",
+        )
+        .invalid());
+    }
+    if let Some((moved, skin)) = body {
+        fits(moved, clip.body.first().map_or(0, Vec::len))?;
+        film.body(moved, skin, &clip.body)?;
+    }
+    for (moved, (_, part)) in garments.iter().zip(&parts) {
+        fits(moved, part.n_verts())?;
+        film.garment(moved, part);
+    }
+    film.finish(scene)
+}
+
+/// Refuses nodes whose vertices are not the frames'.
+fn fits(moved: &Moved, n: usize) -> Result<(), IoError> {
+    let node = &moved.node;
+    let is_whole = moved.source.len() == node.mesh.verts.len()
+        && moved.source.iter().all(|&i| (i as usize) < n)
+        && node
+            .mesh
+            .faces
+            .as_flattened()
+            .iter()
+            .all(|&i| (i as usize) < moved.source.len())
+        && (node.uvs.is_empty() || node.uvs.len() == moved.source.len())
+        && !node.mesh.faces.is_empty();
+    match is_whole {
+        true => Ok(()),
+        false => {
+            let place = Place::Pointer(format!("/nodes/{}", node.name));
+            let what = "its vertices do not go with the frames";
+            Err(Fault::new("bad-scene", "the scene to write", what)
+                .at(place)
+                .invalid())
+        }
+    }
+}
+
+/// A file in the making.
+struct Film {
+    bin: Bin,
+    root: Root,
+    channels: Vec<Value>,
+    samplers: Vec<Value>,
+    skins: Vec<Value>,
+    /// Nodes that are not below another.
+    top: Vec<usize>,
+    times: usize,
+    n_frames: usize,
+}
+
+impl Film {
+    fn new(clip: &Clip) -> Self {
+        let mut bin = Bin::default();
+        let n_frames = clip.drape.frames.len();
+        let rate = if clip.drape.fps > 0.0 {
+            clip.drape.fps
+        } else {
+            30.0
+        };
+        let times: Vec<f32> = (0..n_frames).map(|i| (i as f64 / rate) as f32).collect();
+        let shape = json!({ "type": "SCALAR", "componentType": 5126, "min": [0.0], "max": [times[n_frames - 1]] });
+        let times = bin.keys(times.iter().map(|&t| [t]), shape);
+        Self {
+            bin,
+            root: Root::default(),
+            channels: Vec::new(),
+            samplers: Vec::new(),
+            skins: Vec::new(),
+            top: Vec::new(),
+            times,
+            n_frames,
+        }
+    }
+
+    /// Adds a channel whose values are the accessor `output`.
+    fn channel(&mut self, node: usize, path: &str, output: usize) {
+        self.samplers
+            .push(json!({ "input": self.times, "output": output, "interpolation": "LINEAR" }));
+        self.channels.push(json!({
+            "sampler": self.samplers.len() - 1,
+            "target": { "node": node, "path": path },
+        }));
+    }
+
+    fn places(&mut self, node: usize, places: &[DVec3]) {
+        let values = places.iter().map(|p| p.as_vec3().to_array());
+        let output = self
+            .bin
+            .keys(values, json!({ "type": "VEC3", "componentType": 5126 }));
+        self.channel(node, "translation", output);
+    }
+
+    fn turns(&mut self, node: usize, turns: &[DQuat]) {
+        let values = turns.iter().map(|q| DVec4::from(*q).as_vec4().to_array());
+        let output = self
+            .bin
+            .keys(values, json!({ "type": "VEC4", "componentType": 5126 }));
+        self.channel(node, "rotation", output);
+    }
+
+    /// Weights that let target `k` stand alone in the frame `owners[k]`, and none elsewhere.
+    fn weights(&mut self, node: usize, owners: &[usize]) {
+        if owners.is_empty() {
+            return;
+        }
+        let mut bytes = vec![0u8; self.n_frames * owners.len()];
+        for (k, &frame) in owners.iter().enumerate() {
+            bytes[frame * owners.len() + k] = 255;
+        }
+        let count = bytes.len();
+        let view = self.bin.blob(&bytes);
+        let shape = json!({ "type": "SCALAR", "componentType": 5121, "normalized": true });
+        let output = self.bin.accessor((view, count), shape);
+        self.channel(node, "weights", output);
+    }
+
+    fn garment(&mut self, moved: &Moved, clip: &Clip) {
+        let frames = &clip.drape.frames;
+        let track = Track::of(frames);
+        let options = GlbOptions::default();
+        let mut node = moved.node.clone();
+        node.mesh.verts = moved
+            .source
+            .iter()
+            .map(|&i| track.local(0, frames[0][i as usize]))
+            .collect();
+        let normals = |t: usize| {
+            smooth(
+                &clip.drape.faces,
+                &frames[t],
+                moved,
+                track.turns[t].inverse(),
+            )
+        };
+        node.normals = normals(0);
+        let material = self.root.material(&mut self.bin, &node);
+        let cells = |t: usize| -> Vec<[i16; 3]> {
+            moved
+                .source
+                .iter()
+                .map(|&i| track.cell(t, frames[t][i as usize]))
+                .collect()
+        };
+        let base = cells(0);
+        let mut primitive = self.surface(&node, material, &options);
+        primitive["attributes"]["POSITION"] = self.bin.cells(&base, true).into();
+        primitive["attributes"]["_SOURCE"] = self.sources(&moved.source);
+        let targets: Vec<Value> = (1..self.n_frames)
+            .map(|t| {
+                let moves: Vec<[i16; 3]> = cells(t)
+                    .iter()
+                    .zip(&base)
+                    .map(|(a, b)| std::array::from_fn(|k| a[k] - b[k]))
+                    .collect();
+                let bends: Vec<[i8; 3]> = normals(t)
+                    .iter()
+                    .zip(&node.normals)
+                    .map(|(n, b)| bend(*n, *b))
+                    .collect();
+                json!({ "POSITION": self.bin.cells(&moves, true), "NORMAL": self.bin.bytes(&bends) })
+            })
+            .collect();
+        let mut extras = json!({});
+        if !clip.corners.is_empty() {
+            let corners: Vec<u8> = clip
+                .corners
+                .as_flattened()
+                .iter()
+                .flat_map(|c| c.as_vec2().to_array())
+                .flat_map(f32::to_le_bytes)
+                .collect();
+            extras["rest_corners"] = json!({ "bufferView": self.bin.blob(&corners) });
+        }
+        let mut mesh = json!({ "name": node.name, "primitives": [primitive], "extras": extras });
+        if !targets.is_empty() {
+            mesh["weights"] = vec![0.0; targets.len()].into();
+            mesh["primitives"][0]["targets"] = targets.into();
+        }
+        self.root.meshes.push(mesh);
+        let step = track.step;
+        let mut value = json!({ "name": node.name, "mesh": self.root.meshes.len() - 1, "scale": [step, step, step] });
+        value["translation"] = json!(track.middles[0].as_vec3().to_array());
+        with_extras(&mut value, &node);
+        let index = self.root.nodes.len();
+        self.root.nodes.push(value);
+        self.top.push(index);
+        if self.n_frames > 1 {
+            self.places(index, &track.middles);
+            self.turns(index, &track.turns);
+            self.weights(index, &(1..self.n_frames).collect::<Vec<_>>());
+        }
+    }
+
+    /// Normals, texture coordinates and triangles of a node; positions are left to the caller.
+    fn surface(&mut self, node: &Node, material: usize, options: &GlbOptions) -> Value {
+        debug_assert!(options.quantised);
+        let mut attributes = json!({ "NORMAL": self.bin.short_normals(&node.normals) });
+        if !node.uvs.is_empty() {
+            attributes["TEXCOORD_0"] = self.bin.uvs(&node.uvs).into();
+        }
+        let indices = self.bin.indices(&node.mesh.faces, node.mesh.verts.len());
+        json!({ "attributes": attributes, "indices": indices, "material": material })
+    }
+
+    /// Which vertex of the frames each vertex is; single floats count exactly to 16 million.
+    fn sources(&mut self, source: &[u32]) -> Value {
+        let values = source.iter().map(|&i| [i as f32]);
+        self.bin
+            .attribute(values, json!({ "type": "SCALAR", "componentType": 5126 }))
+            .into()
+    }
+
+    fn body(
+        &mut self,
+        moved: &Moved,
+        skin: &Skinned,
+        frames: &[Vec<DVec3>],
+    ) -> Result<(), IoError> {
+        let place = |what: &str| Err(Fault::new("bad-scene", "the body to write", what).invalid());
+        let (n, n_bones) = (frames[0].len(), skin.rig.n_bones());
+        if skin.rest.len() < n || skin.bones.len() != frames.len() || skin.heads.len() != n_bones {
+            return place("bones, rest pose and frames do not go together");
+        }
+        if n_bones > 255 {
+            return place("more than 255 bones");
+        }
+        let mut node = moved.node.clone();
+        let pick = |verts: &[DVec3]| -> Vec<DVec3> {
+            moved.source.iter().map(|&i| verts[i as usize]).collect()
+        };
+        node.mesh.verts = pick(skin.rest);
+        let normals = muslin_geom::vertex_normals(&skin.rest[..n], &merged(moved));
+        node.normals = pick(&normals);
+        let material = self.root.material(&mut self.bin, &node);
+        let mut primitive = self.surface(&node, material, &GlbOptions::default());
+        primitive["attributes"]["POSITION"] = self.bin.positions(&node.mesh.verts).into();
+        primitive["attributes"]["_SOURCE"] = self.sources(&moved.source);
+        let rows: Vec<&[(u32, f64)]> = moved
+            .source
+            .iter()
+            .map(|&i| skin.rig.weights.row(i as usize))
+            .collect();
+        if rows.iter().any(|r| r.len() > 4) {
+            return place("a vertex follows more than four bones");
+        }
+        let joints = rows
+            .iter()
+            .map(|r| std::array::from_fn(|k| r.get(k).map_or(0, |w| w.0 as u8)));
+        primitive["attributes"]["JOINTS_0"] = self.bin.joints(joints).into();
+        let weights = rows.iter().map(|r| shares(r));
+        primitive["attributes"]["WEIGHTS_0"] = self
+            .bin
+            .attribute(weights, json!({ "type": "VEC4", "componentType": 5126 }))
+            .into();
+        let (owners, targets) = self.corrections(moved, skin, frames);
+        let mut mesh = json!({ "name": node.name, "primitives": [primitive] });
+        if !targets.is_empty() {
+            mesh["weights"] = vec![0.0; targets.len()].into();
+            mesh["primitives"][0]["targets"] = targets.into();
+        }
+        self.root.meshes.push(mesh);
+        let index = self.root.nodes.len();
+        let mesh = self.root.meshes.len() - 1;
+        let mut value = json!({ "name": node.name, "mesh": mesh, "skin": 0 });
+        with_extras(&mut value, &node);
+        self.root.nodes.push(value);
+        self.top.push(index);
+        self.weights(index, &owners);
+        self.bones(skin);
+        Ok(())
+    }
+
+    /// Frames whose body is not where its bones take it, and the sparse targets that mend it.
+    fn corrections(
+        &mut self,
+        moved: &Moved,
+        skin: &Skinned,
+        frames: &[Vec<DVec3>],
+    ) -> (Vec<usize>, Vec<Value>) {
+        let (mut owners, mut targets) = (Vec::new(), Vec::new());
+        for (t, frame) in frames.iter().enumerate() {
+            let blends: Vec<DAffine3> = (0..frame.len())
+                .map(|i| blended(skin.rig.weights.row(i), &skin.bones[t]))
+                .collect();
+            let off = |i: usize| {
+                let gap = frame[i] - blends[i].transform_point3(skin.rest[i]);
+                (gap.length() > EXACT).then(|| blends[i].matrix3.inverse() * gap)
+            };
+            let list: Vec<(u32, DVec3)> = moved
+                .source
+                .iter()
+                .enumerate()
+                .filter_map(|(k, &i)| off(i as usize).map(|d| (k as u32, d)))
+                .collect();
+            if !list.is_empty() {
+                owners.push(t);
+                targets.push(json!({ "POSITION": self.bin.sparse(&list, moved.source.len()) }));
+            }
+        }
+        (owners, targets)
+    }
+
+    /// The joints below the body's node list, their skin and their tracks.
+    fn bones(&mut self, skin: &Skinned) {
+        let first = self.root.nodes.len();
+        let bones = &skin.rig.bones;
+        let local = |t: usize, b: usize| {
+            let world = |b: usize| skin.bones[t][b] * DAffine3::from_translation(skin.heads[b]);
+            match bones[b].parent {
+                Some(p) => world(p).inverse() * world(b),
+                None => world(b),
+            }
+        };
+        for (b, bone) in bones.iter().enumerate() {
+            let place = local(0, b).translation.as_vec3().to_array();
+            let mut node = json!({ "name": bone.name, "translation": place });
+            let children: Vec<usize> = (0..bones.len())
+                .filter(|&c| bones[c].parent == Some(b))
+                .map(|c| first + c)
+                .collect();
+            if !children.is_empty() {
+                node["children"] = children.into();
+            }
+            self.root.nodes.push(node);
+        }
+        self.top.push(first);
+        let back = skin.heads.iter().map(|h| {
+            let [x, y, z] = (-*h).as_vec3().to_array();
+            [
+                1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, x, y, z, 1.0f32,
+            ]
+        });
+        let inverse = self
+            .bin
+            .keys(back, json!({ "type": "MAT4", "componentType": 5126 }));
+        let joints: Vec<usize> = (first..first + bones.len()).collect();
+        self.skins
+            .push(json!({ "inverseBindMatrices": inverse, "joints": joints, "skeleton": first }));
+        for b in 0..bones.len() {
+            let tracks: Vec<DAffine3> = (0..self.n_frames).map(|t| local(t, b)).collect();
+            let mut turns: Vec<DQuat> = tracks
+                .iter()
+                .map(|a| DQuat::from_mat3(&a.matrix3).normalize())
+                .collect();
+            for t in 1..turns.len() {
+                if turns[t].dot(turns[t - 1]) < 0.0 {
+                    turns[t] = -turns[t];
+                }
+            }
+            let places: Vec<DVec3> = tracks.iter().map(|a| a.translation).collect();
+            if places.iter().any(|p| p.distance(places[0]) > 1e-7) {
+                self.places(first + b, &places);
+            }
+            self.turns(first + b, &turns);
+        }
+    }
+
+    fn finish(self, scene: &Scene) -> Result<Vec<u8>, IoError> {
+        let bare = Scene {
+            name: scene.name.clone(),
+            copyright: scene.copyright.clone(),
+            nodes: Vec::new(),
+        };
+        let mut json = self.root.finish(&bare, &self.bin, &GlbOptions::default());
+        json["scenes"][0]["nodes"] = self.top.into();
+        if !self.skins.is_empty() {
+            json["skins"] = self.skins.into();
+        }
+        if !self.channels.is_empty() {
+            json["animations"] = json!([{ "name": bare.name, "channels": self.channels, "samplers": self.samplers }]);
+        }
+        if self.bin.bytes.len() > 0xf000_0000 {
+            let fault = Fault::new("glb-large", "the animation to write", "too large for a GLB");
+            return Err(fault
+                .allowed("3.75 GiB")
+                .hint("write --npz or --pc2, or fewer frames")
+                .refused());
+        }
+        Ok(container(&json.to_string(), &self.bin.bytes))
+    }
+}
+
+fn with_extras(value: &mut Value, node: &Node) {
+    let extras = super::uv_extras(node);
+    if !extras.is_null() {
+        value["extras"] = extras;
+    }
+}
+
+/// Where a garment is as a whole, frame by frame.
+struct Track {
+    middles: Vec<DVec3>,
+    turns: Vec<DQuat>,
+    step: f32,
+}
+
+impl Track {
+    fn of(frames: &[Vec<DVec3>]) -> Self {
+        let middle = |x: &[DVec3]| {
+            let (low, high) = super::bin::bounds(x);
+            // As the file stores it.
+            (0.5 * (low + high)).as_vec3().as_dvec3()
+        };
+        let middles: Vec<DVec3> = frames.iter().map(|x| middle(x)).collect();
+        let mut turns = vec![DQuat::IDENTITY];
+        for t in 1..frames.len() {
+            let last = turns[t - 1];
+            let mut turn = best_turn((&frames[0], middles[0]), (&frames[t], middles[t]), last);
+            if turn.dot(last) < 0.0 {
+                turn = -turn;
+            }
+            // As the file stores it.
+            turns.push(turn.as_quat().as_dquat().normalize());
+        }
+        let reach = |t: usize| {
+            frames[t]
+                .iter()
+                .map(|x| (turns[t].inverse() * (*x - middles[t])).abs().max_element())
+                .fold(0.0, f64::max)
+        };
+        let reach = (0..frames.len()).map(reach).fold(0.0, f64::max);
+        Self {
+            step: ((reach / CELLS) as f32).next_up().max(1e-7),
+            middles,
+            turns,
+        }
+    }
+
+    /// A point of frame `t` in the node's own frame [m].
+    fn local(&self, t: usize, x: DVec3) -> DVec3 {
+        self.turns[t].inverse() * (x - self.middles[t])
+    }
+
+    fn cell(&self, t: usize, x: DVec3) -> [i16; 3] {
+        let cells = self.local(t, x) / f64::from(self.step);
+        cells.to_array().map(|c| c.round() as i16)
+    }
+}
+
+/// Smooth normals of a frame, turned, for the node's vertices; seams stay smooth.
+fn smooth(faces: &[[u32; 3]], frame: &[DVec3], moved: &Moved, turn: DQuat) -> Vec<DVec3> {
+    let normals = muslin_geom::vertex_normals(frame, faces);
+    let unit = |&i: &u32| {
+        (turn * normals[i as usize])
+            .try_normalize()
+            .unwrap_or(DVec3::Y)
+    };
+    moved.source.iter().map(unit).collect()
+}
+
+/// The node's triangles over the frames' vertices.
+fn merged(moved: &Moved) -> Vec<[u32; 3]> {
+    let faces = moved.node.mesh.faces.iter();
+    faces.map(|f| f.map(|i| moved.source[i as usize])).collect()
+}
+
+/// What added to the unit normal `base` points along `n`, in 127ths: as long as 8 bits allow.
+fn bend(n: DVec3, base: DVec3) -> [i8; 3] {
+    // Only the direction of the sum counts, so it may be shorter than one.
+    let room = |n: f64, b: f64| match n > 0.0 {
+        true => (1.0 + b) / n,
+        false => (1.0 - b) / -n,
+    };
+    let pairs = n.to_array().into_iter().zip(base.to_array());
+    let length = pairs
+        .filter(|(n, _)| n.abs() > 1e-9)
+        .map(|(n, b)| room(n, b))
+        .fold(1.0, f64::min);
+    let d = n * length.clamp(0.1, 1.0) - base;
+    d.to_array()
+        .map(|c| (c.clamp(-1.0, 1.0) * 127.0).round() as i8)
+}
+
+/// Four weights that sum to one in single precision.
+fn shares(row: &[(u32, f64)]) -> [f32; 4] {
+    let mut w: [f32; 4] = std::array::from_fn(|k| row.get(k).map_or(0.0, |w| w.1 as f32));
+    let rest = w[1] + w[2] + w[3];
+    w[0] = 1.0 - rest;
+    w
+}
+
+/// The blend of bones that moves a vertex.
+pub(super) fn blended(row: &[(u32, f64)], bones: &[DAffine3]) -> DAffine3 {
+    let mut sum = DAffine3 {
+        matrix3: DMat3::ZERO,
+        translation: DVec3::ZERO,
+    };
+    for &(b, w) in row {
+        sum.matrix3 += bones[b as usize].matrix3 * w;
+        sum.translation += bones[b as usize].translation * w;
+    }
+    sum
+}

@@ -1,0 +1,412 @@
+//! Moving GLB back in: what a viewer would show at each key of the animation.
+//!
+//! The first animation is played at the keys of its longest track. The node called `body` is the
+//! body; every other mesh is a garment. Linear and stepped tracks are read, cubic ones refused.
+
+use std::collections::HashMap;
+
+use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3, DVec4};
+use muslin_geom::{Drape, Part};
+use serde_json::Value;
+
+use super::buffer::{Glb, int};
+use super::moving::blended;
+use crate::clip::Clip;
+use crate::error::IoError;
+
+/// More positions in all frames together are refused.
+const MAX_POINTS: usize = 1 << 28;
+
+/// The animation of a `.glb`; `name` is what errors call it. A still has one frame.
+pub fn read_moving(name: &str, bytes: &[u8]) -> Result<Clip, IoError> {
+    let glb = Glb::new(name, bytes)?;
+    let stage = Stage::new(&glb)?;
+    let (mut garments, mut body) = (Vec::new(), None);
+    for (i, node) in glb.list("nodes").iter().enumerate() {
+        if node["mesh"].is_null() {
+            continue;
+        }
+        let actor = Actor::new(&glb, i)?;
+        let points = actor.places.len().saturating_mul(stage.times.len());
+        if points > MAX_POINTS {
+            return Err(glb.fault(&format!("/nodes/{i}"), "too many positions in all frames"));
+        }
+        let frames = stage.play(&actor);
+        match node["name"].as_str() {
+            Some("body") => body = Some((frames, actor.faces)),
+            _ => garments.push(garment(&glb, (node, actor), frames, stage.fps())?),
+        }
+    }
+    if garments.is_empty() {
+        return Err(glb.fault("/nodes", "no mesh besides the body"));
+    }
+    let mut clip = Clip::joined(garments)?;
+    if let Some((frames, faces)) = body {
+        (clip.body, clip.body_faces) = (frames, faces);
+    }
+    Ok(clip)
+}
+
+fn garment(
+    glb: &Glb,
+    (node, actor): (&Value, Actor),
+    frames: Vec<Vec<DVec3>>,
+    fps: f64,
+) -> Result<Clip, IoError> {
+    let mesh = &glb.list("meshes")[int(&node["mesh"]).unwrap_or(0)];
+    let rest = &mesh["extras"]["rest_corners"]["bufferView"];
+    let corners = glb.view(rest).map(|(bytes, _)| {
+        let float = |b: &[u8; 4]| f64::from(f32::from_le_bytes(*b));
+        let floats: Vec<f64> = bytes.as_chunks::<4>().0.iter().map(float).collect();
+        let corners: Vec<DVec2> = floats
+            .as_chunks::<2>()
+            .0
+            .iter()
+            .map(|c| DVec2::from_array(*c))
+            .collect();
+        corners.as_chunks::<3>().0.to_vec()
+    });
+    let corners = corners
+        .filter(|c| c.len() == actor.faces.len())
+        .unwrap_or_default();
+    let part = Part {
+        name: node["name"].as_str().unwrap_or("cloth").into(),
+        verts: 0..frames[0].len(),
+        faces: 0..actor.faces.len(),
+    };
+    Ok(Clip {
+        drape: Drape {
+            parts: vec![part],
+            faces: actor.faces,
+            frames,
+            fps,
+        },
+        corners,
+        ..Clip::default()
+    })
+}
+
+/// A track of a node: values at keys.
+struct Track {
+    times: Vec<f64>,
+    values: Vec<f64>,
+    width: usize,
+    is_stepped: bool,
+}
+
+impl Track {
+    /// The values at a time, between keys as they are; turns are made unit by the caller.
+    fn at(&self, time: f64) -> Vec<f64> {
+        let last = self.times.len() - 1;
+        let row = |i: usize| &self.values[i * self.width..(i + 1) * self.width];
+        let next = self.times.partition_point(|&t| t <= time);
+        if next == 0 || next > last {
+            return row(next.min(last)).to_vec();
+        }
+        let (a, b) = (self.times[next - 1], self.times[next]);
+        let t = if self.is_stepped {
+            0.0
+        } else {
+            (time - a) / (b - a)
+        };
+        if t == 0.0 {
+            return row(next - 1).to_vec();
+        }
+        let pairs = row(next - 1).iter().zip(row(next));
+        pairs.map(|(x, y)| x + (y - x) * t).collect()
+    }
+}
+
+/// Nodes and their tracks.
+struct Stage<'a> {
+    nodes: &'a [Value],
+    parents: Vec<Option<usize>>,
+    tracks: HashMap<(usize, String), Track>,
+    times: Vec<f64>,
+}
+
+impl<'a> Stage<'a> {
+    fn new(glb: &'a Glb) -> Result<Self, IoError> {
+        let nodes = glb.list("nodes");
+        let mut parents = vec![None; nodes.len()];
+        for (i, node) in nodes.iter().enumerate() {
+            for child in node["children"].as_array().into_iter().flatten() {
+                let slot = int(child).and_then(|c| parents.get_mut(c));
+                *slot.ok_or_else(|| {
+                    glb.fault(&format!("/nodes/{i}"), "a child that is no node")
+                })? = Some(i);
+            }
+        }
+        let mut stage = Self {
+            nodes,
+            parents,
+            tracks: HashMap::new(),
+            times: vec![0.0],
+        };
+        if let Some(animation) = glb.list("animations").first() {
+            for channel in animation["channels"].as_array().into_iter().flatten() {
+                stage.track(glb, animation, channel)?;
+            }
+        }
+        let keys = stage.tracks.values().map(|t| &t.times);
+        if let Some(longest) = keys.max_by_key(|t| t.len()) {
+            stage.times = longest.clone();
+        }
+        Ok(stage)
+    }
+
+    fn track(&mut self, glb: &Glb, animation: &Value, channel: &Value) -> Result<(), IoError> {
+        let fault = |what: &str| glb.fault("/animations/0", what);
+        let sampler = int(&channel["sampler"]).and_then(|s| animation["samplers"].get(s));
+        let sampler = sampler.ok_or_else(|| fault("a channel without a sampler"))?;
+        let kind = sampler["interpolation"].as_str().unwrap_or("LINEAR");
+        if kind == "CUBICSPLINE" {
+            return Err(fault("cubic tracks are not read; bake the animation"));
+        }
+        let times = glb.numbers(&sampler["input"])?.flat;
+        let values = glb.numbers(&sampler["output"])?.flat;
+        let is_growing = times.windows(2).all(|w| w[0] < w[1]);
+        let width = values.len().checked_div(times.len()).unwrap_or(0);
+        let target = int(&channel["target"]["node"]).filter(|&n| n < self.nodes.len());
+        let path = channel["target"]["path"].as_str();
+        let (Some(node), Some(path)) = (target, path) else {
+            return Ok(());
+        };
+        let fits = match path {
+            "rotation" => width == 4,
+            "translation" | "scale" => width == 3,
+            _ => width > 0,
+        };
+        if !is_growing || !fits || width * times.len() != values.len() {
+            return Err(fault("a track whose keys and values do not go together"));
+        }
+        let is_stepped = kind == "STEP";
+        let track = Track {
+            times,
+            values,
+            width,
+            is_stepped,
+        };
+        self.tracks.insert((node, path.to_owned()), track);
+        Ok(())
+    }
+
+    /// Keys a second.
+    fn fps(&self) -> f64 {
+        let n = self.times.len();
+        let span = self.times[n - 1] - self.times[0];
+        // Times are single floats; rates are whole or nearly so.
+        let rate = (n - 1) as f64 / span;
+        match (n > 1 && span > 0.0, (rate - rate.round()).abs() < 1e-3) {
+            (true, true) => rate.round(),
+            (true, false) => rate,
+            _ => 30.0,
+        }
+    }
+
+    /// A property of a node at a time: from its track, or as the node says, or the default.
+    fn value(&self, node: usize, path: &str, time: f64, or: &[f64]) -> Vec<f64> {
+        if let Some(track) = self.tracks.get(&(node, path.to_owned())) {
+            return track.at(time);
+        }
+        let said = self.nodes[node][path].as_array().map(|list| {
+            let numbers = list.iter().map(|v| v.as_f64().unwrap_or(0.0));
+            numbers.collect::<Vec<f64>>()
+        });
+        said.filter(|v| v.len() == or.len() || path == "weights")
+            .unwrap_or_else(|| or.to_vec())
+    }
+
+    fn local(&self, node: usize, time: f64) -> DAffine3 {
+        if let Some(m) = self.nodes[node]["matrix"]
+            .as_array()
+            .filter(|m| m.len() == 16)
+        {
+            let m: Vec<f64> = m.iter().map(|v| v.as_f64().unwrap_or(0.0)).collect();
+            return DAffine3::from_mat4(DMat4::from_cols_slice(&m));
+        }
+        let scale = DVec3::from_slice(&self.value(node, "scale", time, &[1.0; 3]));
+        let turn = DVec4::from_slice(&self.value(node, "rotation", time, &[0.0, 0.0, 0.0, 1.0]));
+        let turn = DQuat::from_vec4(turn.normalize_or(DVec4::W));
+        let place = DVec3::from_slice(&self.value(node, "translation", time, &[0.0; 3]));
+        DAffine3::from_scale_rotation_translation(scale, turn, place)
+    }
+
+    /// `world_from_node`; a tree that loops is cut.
+    fn world(&self, node: usize, time: f64) -> DAffine3 {
+        let (mut at, mut world) = (node, self.local(node, time));
+        for _ in 0..256 {
+            let Some(parent) = self.parents[at] else {
+                break;
+            };
+            (at, world) = (parent, self.local(parent, time) * world);
+        }
+        world
+    }
+
+    /// The actor's vertices at every key [m].
+    fn play(&self, actor: &Actor) -> Vec<Vec<DVec3>> {
+        self.times
+            .iter()
+            .map(|&time| self.frame(actor, time))
+            .collect()
+    }
+
+    fn frame(&self, actor: &Actor, time: f64) -> Vec<DVec3> {
+        let mut x = actor.places.clone();
+        let weights = self.value(actor.node, "weights", time, &actor.weights);
+        for (target, &weight) in actor.targets.iter().zip(&weights).filter(|p| *p.1 != 0.0) {
+            x.iter_mut()
+                .zip(target)
+                .for_each(|(x, d)| *x += *d * weight);
+        }
+        if actor.joints.is_empty() {
+            let world = self.world(actor.node, time);
+            return x.iter().map(|&x| world.transform_point3(x)).collect();
+        }
+        let bone = |(&joint, back): (&usize, &DAffine3)| self.world(joint, time) * *back;
+        let bones: Vec<DAffine3> = actor.joints.iter().zip(&actor.back).map(bone).collect();
+        let rows = actor.rows.iter();
+        x.iter()
+            .zip(rows)
+            .map(|(&x, row)| blended(row, &bones).transform_point3(x))
+            .collect()
+    }
+}
+
+/// A mesh node, its doubled vertices merged.
+struct Actor {
+    node: usize,
+    faces: Vec<[u32; 3]>,
+    places: Vec<DVec3>,
+    targets: Vec<Vec<DVec3>>,
+    weights: Vec<f64>,
+    joints: Vec<usize>,
+    back: Vec<DAffine3>,
+    rows: Vec<[(u32, f64); 4]>,
+}
+
+impl Actor {
+    fn new(glb: &Glb, node: usize) -> Result<Self, IoError> {
+        let pointer = format!("/nodes/{node}");
+        let fault = |what: &str| glb.fault(&pointer, what);
+        let value = &glb.list("nodes")[node];
+        let mesh = int(&value["mesh"]).and_then(|m| glb.list("meshes").get(m));
+        let mesh = mesh.ok_or_else(|| fault("no such mesh"))?;
+        let parts = mesh["primitives"].as_array().map_or(&[][..], Vec::as_slice);
+        let [part] = parts else {
+            return Err(fault("a mesh of several primitives; join them"));
+        };
+        let vectors = |index: &Value| {
+            let numbers = glb.numbers(index)?;
+            match numbers.width {
+                3 => Ok(numbers
+                    .flat
+                    .as_chunks::<3>()
+                    .0
+                    .iter()
+                    .map(|c| DVec3::from_array(*c))
+                    .collect::<Vec<_>>()),
+                _ => Err(fault("positions that are not in space")),
+            }
+        };
+        let attributes = &part["attributes"];
+        let all = vectors(&attributes["POSITION"])?;
+        let source: Vec<usize> = match &attributes["_SOURCE"] {
+            Value::Null => (0..all.len()).collect(),
+            index => glb
+                .numbers(index)?
+                .flat
+                .iter()
+                .map(|&s| s as usize)
+                .collect(),
+        };
+        let keep = firsts(&source).filter(|_| source.len() == all.len());
+        let keep = keep.ok_or_else(|| fault("its _SOURCE is not its vertices'"))?;
+        let pick = |list: Vec<DVec3>| -> Option<Vec<DVec3>> {
+            keep.iter().map(|&i| list.get(i).copied()).collect()
+        };
+        let corners = glb.numbers(&part["indices"])?.flat;
+        let corner = |&i: &f64| source.get(i as usize).map(|&s| s as u32);
+        let corners: Option<Vec<u32>> = corners.iter().map(corner).collect();
+        let corners = corners.ok_or_else(|| fault("a triangle has a corner that is no vertex"))?;
+        let mut targets = Vec::new();
+        for target in part["targets"].as_array().into_iter().flatten() {
+            let moves = match &target["POSITION"] {
+                Value::Null => vec![DVec3::ZERO; all.len()],
+                index => vectors(index)?,
+            };
+            targets.push(pick(moves).ok_or_else(|| fault("a morph target that is too short"))?);
+        }
+        let weights = mesh["weights"]
+            .as_array()
+            .map_or(vec![0.0; targets.len()], |w| {
+                w.iter().map(|v| v.as_f64().unwrap_or(0.0)).collect()
+            });
+        let mut actor = Self {
+            node,
+            faces: corners.as_chunks::<3>().0.to_vec(),
+            places: pick(all).ok_or_else(|| fault("no vertices"))?,
+            targets,
+            weights,
+            joints: Vec::new(),
+            back: Vec::new(),
+            rows: Vec::new(),
+        };
+        if !value["skin"].is_null() {
+            actor.dress(glb, (value, attributes), &keep)?;
+        }
+        Ok(actor)
+    }
+
+    /// Reads the skin.
+    fn dress(
+        &mut self,
+        glb: &Glb,
+        (node, attributes): (&Value, &Value),
+        keep: &[usize],
+    ) -> Result<(), IoError> {
+        let fault = || glb.fault("/skins", "a skin that does not go with its mesh");
+        let skin = int(&node["skin"])
+            .and_then(|s| glb.list("skins").get(s))
+            .ok_or_else(fault)?;
+        let joints = skin["joints"].as_array().ok_or_else(fault)?;
+        let n_nodes = glb.list("nodes").len();
+        let joint = |j: &Value| int(j).filter(|&j| j < n_nodes);
+        let joints: Option<Vec<usize>> = joints.iter().map(joint).collect();
+        self.joints = joints.ok_or_else(fault)?;
+        self.back = match &skin["inverseBindMatrices"] {
+            Value::Null => vec![DAffine3::IDENTITY; self.joints.len()],
+            index => {
+                let flat = glb.numbers(index)?.flat;
+                let matrix = |m: &[f64; 16]| DAffine3::from_mat4(DMat4::from_cols_array(m));
+                flat.as_chunks::<16>().0.iter().map(matrix).collect()
+            }
+        };
+        let (bones, shares) = (
+            glb.numbers(&attributes["JOINTS_0"])?.flat,
+            glb.numbers(&attributes["WEIGHTS_0"])?.flat,
+        );
+        let n = self.joints.len();
+        let row = |&i: &usize| -> Option<[(u32, f64); 4]> {
+            let (b, w) = (bones.get(4 * i..4 * i + 4)?, shares.get(4 * i..4 * i + 4)?);
+            b.iter()
+                .all(|&b| (b as usize) < n)
+                .then(|| std::array::from_fn(|k| (b[k] as u32, w[k])))
+        };
+        let rows: Option<Vec<_>> = keep.iter().map(row).collect();
+        self.rows = rows.filter(|_| self.back.len() == n).ok_or_else(fault)?;
+        Ok(())
+    }
+}
+
+/// For each source, the first vertex that is a copy of it; none if one is missing.
+fn firsts(source: &[usize]) -> Option<Vec<usize>> {
+    let n = source.iter().max()? + 1;
+    (n <= source.len()).then_some(())?;
+    let mut first = vec![usize::MAX; n];
+    for (i, &s) in source.iter().enumerate().rev() {
+        first[s] = i;
+    }
+    first.iter().all(|&i| i != usize::MAX).then_some(first)
+}
