@@ -117,10 +117,11 @@ fn dress_photo(
     options: &DressOptions,
     watch: &mut Watch,
 ) -> Result<Outcome, Failure> {
-    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    // Unpacking the body and looking for people need nothing of one another.
+    let (avatar, found) = rayon::join(Avatar::embedded, || look_for_people(photo));
+    let (avatar, found) = (avatar.map_err(|e| body_failure(&e))?, found?);
     let mut job = Job::new(&avatar, options, watch);
     job.report.set("photo", tell::photo(photo));
-    let found = find_people(&models()?, &flatten(&photo.image, [255; 3]));
     let chosen = choose(&found, options, photo, job.watch)?;
     let several = chosen.len() > 1;
     let of = found.people.len();
@@ -142,6 +143,10 @@ fn dress_photo(
     } else {
         outcomes.swap_remove(0)
     })
+}
+
+fn look_for_people(photo: &Photo) -> Result<Found, Failure> {
+    Ok(find_people(&models()?, &flatten(&photo.image, [255; 3])))
 }
 
 /// The two networks that come with Muslin.
