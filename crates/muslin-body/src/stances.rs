@@ -28,6 +28,8 @@ const SHIN: [(&str, &str); 2] = [
     ("lowerleg01.R", "lowerleg02.R"),
 ];
 
+const HAND: [(&str, &str); 2] = [("wrist.L", "finger3-1.L"), ("wrist.R", "finger3-1.R")];
+
 /// Where upper arms, forearms, thighs and shins point; left, then right, seen from the body.
 struct Stance {
     name: &'static str,
@@ -35,6 +37,8 @@ struct Stance {
     /// Forward lean of the spine [degrees].
     lean: f64,
     limbs: [[[f64; 3]; 2]; 4],
+    /// Where hands point; none: on from the forearms.
+    hands: Option<[[f64; 3]; 2]>,
 }
 
 /// Straight down, a little outwards.
@@ -52,6 +56,7 @@ const STANCES: [Stance; 8] = [
             [[0.07, -1.0, 0.0], [-0.07, -1.0, 0.0]],
             SHINS,
         ],
+        hands: None,
     },
     Stance {
         name: "a-pose",
@@ -63,6 +68,7 @@ const STANCES: [Stance; 8] = [
             [[0.12, -1.0, 0.0], [-0.12, -1.0, 0.0]],
             SHINS,
         ],
+        hands: None,
     },
     Stance {
         name: "t-pose",
@@ -74,6 +80,7 @@ const STANCES: [Stance; 8] = [
             DOWN,
             SHINS,
         ],
+        hands: None,
     },
     Stance {
         name: "walk",
@@ -85,17 +92,19 @@ const STANCES: [Stance; 8] = [
             [[0.03, -1.0, 0.45], [-0.03, -1.0, -0.30]],
             [[0.02, -1.0, 0.15], [-0.02, -0.8, -0.75]],
         ],
+        hands: None,
     },
     Stance {
         name: "hands-on-hips",
-        says: "elbows out",
+        says: "elbows out, palms on the hips",
         lean: 0.0,
         limbs: [
-            [[0.95, -1.0, -0.15], [-0.95, -1.0, -0.15]],
-            [[-0.75, -0.75, 0.35], [0.75, -0.75, 0.35]],
+            [[0.95, -1.0, -0.35], [-0.95, -1.0, -0.35]],
+            [[-0.68, -0.82, 0.2], [0.68, -0.82, 0.2]],
             [[0.15, -1.0, 0.0], [-0.15, -1.0, 0.0]],
             SHINS,
         ],
+        hands: Some([[0.01, -0.54, 0.82], [-0.01, -0.54, 0.82]]),
     },
     Stance {
         name: "arms-up",
@@ -107,6 +116,7 @@ const STANCES: [Stance; 8] = [
             DOWN,
             SHINS,
         ],
+        hands: None,
     },
     Stance {
         name: "lunge",
@@ -118,6 +128,7 @@ const STANCES: [Stance; 8] = [
             [[0.08, -0.55, 1.0], [-0.08, -1.0, -0.75]],
             [[0.02, -1.0, -0.05], [-0.04, -0.6, -1.0]],
         ],
+        hands: None,
     },
     Stance {
         name: "sit",
@@ -129,6 +140,7 @@ const STANCES: [Stance; 8] = [
             [[0.22, -0.12, 1.0], [-0.22, -0.12, 1.0]],
             [[0.05, -1.0, 0.05], [-0.05, -1.0, 0.05]],
         ],
+        hands: None,
     },
 ];
 
@@ -191,6 +203,8 @@ impl Pose {
 fn aims(stance: &Stance) -> impl Iterator<Item = Aim> {
     let limbs = [UPPER_ARM, FOREARM, THIGH, SHIN];
     let pairs = limbs.into_iter().zip(stance.limbs);
+    let hands = stance.hands.map(|to| (HAND, to));
+    let pairs = pairs.chain(hands);
     pairs.flat_map(|(names, to)| (0..2).map(move |s| (names[s].0, names[s].1, to[s])))
 }
 

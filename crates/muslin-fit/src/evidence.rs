@@ -8,7 +8,7 @@ use muslin_body::{Keypoints, Layout, REGRESSED};
 const LEAST_SCORE: f64 = 0.05;
 
 /// How much a point beyond the picture's edge counts.
-const BEYOND: f64 = 0.3;
+const BEYOND: f64 = 0.15;
 
 /// What is known about one marker.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -126,6 +126,8 @@ fn corners<'a>(
             shapes,
             evidence: start.evidence,
             habits: start.habits,
+            touch: None,
+            steps: Vec::new(),
             trust: trust(start.focal),
         };
         let end = descend(&problem, guess, FIRST);

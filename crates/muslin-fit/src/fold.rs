@@ -54,6 +54,9 @@ pub const KNUCKLES: [&str; 6] = [
 /// How many markers there are: the regressed points, then the knuckles.
 pub const N_MARKERS: usize = REGRESSED.len() + KNUCKLES.len();
 
+/// How high the trunk's bars are, as a share of the way from hips to shoulders: belly, waist, bust.
+pub const RIBS: [f64; 3] = [0.15, 0.5, 0.8];
+
 /// A bone that the solver turns.
 #[derive(Debug, Clone)]
 pub struct Joint {
@@ -77,7 +80,8 @@ pub struct Share {
 /// Folded body: topology, and where its features are for any shape.
 ///
 /// A feature is a point or weighted sum of points of the rest pose. First the heads of the
-/// joints, then one sum `A_kb` for each share, then crown and sole.
+/// joints, then one sum `A_kb` for each share, then front and back of each of the trunk's bars,
+/// then crown and sole.
 #[derive(Debug, Clone)]
 pub struct Folded {
     /// Parents come before children.
@@ -104,7 +108,8 @@ impl Folded {
             .map(|j| vec![(avatar.head_point(j.bone) as u32, 1.0)])
             .collect();
         let (mut shares, mut starts) = (Vec::new(), vec![0]);
-        for marker in markers(avatar, &owner)? {
+        let ribs = ribs(avatar, &joints, &owner);
+        for marker in markers(avatar, &owner, &ribs)? {
             for (joint, sum) in marker {
                 shares.push(Share {
                     joint,
@@ -114,6 +119,7 @@ impl Folded {
             }
             starts.push(shares.len());
         }
+        points.extend(ribs.iter().flat_map(|r| r[0]).map(|p| vec![(p, 1.0)]));
         points.extend(crown_and_sole(avatar).map(|p| vec![(p, 1.0)]));
         let sum = |f: &[(u32, f64)], at: &dyn Fn(usize) -> DVec3| {
             f.iter().map(|&(p, w)| at(p as usize) * w).sum::<DVec3>()
@@ -143,6 +149,12 @@ impl Folded {
     /// How many features there are.
     pub fn n_features(&self) -> usize {
         self.mean.len()
+    }
+
+    /// Half the trunk's depth at one of [`RIBS`], in the body that has these features [m].
+    pub fn half_depth(&self, features: &[DVec3], rib: usize) -> f64 {
+        let first = self.joints.len() + self.shares.len() + 2 * rib;
+        0.5 * features[first].distance(features[first + 1])
     }
 
     /// The group called `name`.
@@ -263,11 +275,14 @@ fn owners(avatar: &Avatar, joints: &[Joint]) -> Vec<usize> {
 type Sums = BTreeMap<usize, Vec<(u32, f64)>>;
 
 /// The shares of every marker.
-fn markers(avatar: &Avatar, owner: &[usize]) -> Result<Vec<Sums>, FitError> {
+fn markers(avatar: &Avatar, owner: &[usize], ribs: &[Rib]) -> Result<Vec<Sums>, FitError> {
     let mut markers = Vec::new();
-    for row in avatar.regressors().rows() {
+    let ends = ribs.iter().flatten();
+    let ends: Vec<_> = ends.map(|e| e.map(|v| (v, 0.5)).to_vec()).collect();
+    let regressed = avatar.regressors().rows().map(<[_]>::to_vec);
+    for row in regressed.chain(ends) {
         let mut sums = Sums::new();
-        for &(v, r) in row {
+        for &(v, r) in &row {
             for &(b, w) in avatar.rig().weights.row(v as usize) {
                 sums.entry(owner[b as usize]).or_default().push((v, r * w));
             }
@@ -277,9 +292,57 @@ fn markers(avatar: &Avatar, owner: &[usize]) -> Result<Vec<Sums>, FitError> {
     for name in KNUCKLES {
         let bone = avatar.bone(name)?;
         let point = (avatar.head_point(bone) as u32, 1.0);
-        markers.push(Sums::from([(owner[bone], vec![point])]));
+        let knuckle = Sums::from([(owner[bone], vec![point])]);
+        markers.insert(markers.len() - 2 * ribs.len(), knuckle);
     }
     Ok(markers)
+}
+
+/// Left and right end of a bar across the trunk: a vertex before it and one behind.
+type Rib = [[u32; 2]; 2];
+
+/// The bars of the mean body's trunk, belly first.
+fn ribs(avatar: &Avatar, joints: &[Joint], owner: &[usize]) -> Vec<Rib> {
+    let (mean, weights) = (avatar.mean(), &avatar.rig().weights);
+    let trunk = BONES.map(|(bone, _)| bone);
+    let on_trunk = |v: &usize| {
+        let most = weights.row(*v).iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        most.is_some_and(|m| {
+            let bone = joints[owner[m.0 as usize]].bone;
+            trunk.contains(&avatar.rig().bones[bone].name.as_str())
+        })
+    };
+    let skin: Vec<usize> = avatar
+        .part(muslin_body::Part::Body)
+        .filter(on_trunk)
+        .collect();
+    let marker = |k: usize| {
+        let row = avatar.regressors().row(k);
+        row.iter()
+            .map(|&(v, w)| w * mean[v as usize].y)
+            .sum::<f64>()
+    };
+    let (hips, shoulders) = (marker(11), marker(5));
+    let rib = |share: f64| {
+        let level = hips + share * (shoulders - hips);
+        let slice = skin
+            .iter()
+            .copied()
+            .filter(|&v| (mean[v].y - level).abs() < 0.02);
+        let slice: Vec<usize> = slice.collect();
+        let reach =
+            |f: &dyn Fn(DVec3) -> f64| slice.iter().map(|&v| f(mean[v])).fold(0.0, f64::max);
+        let half_depth = 0.5 * (reach(&|v| v.z) + reach(&|v| -v.z));
+        let end = (reach(&|v| v.x) - half_depth).max(0.02);
+        [1.0, -1.0].map(|side| {
+            [1.0, -1.0].map(|face| {
+                let score = |v: &usize| face * mean[*v].z - 4.0 * (mean[*v].x - side * end).abs();
+                let best = slice.iter().max_by(|a, b| score(a).total_cmp(&score(b)));
+                best.map_or(0, |v| *v as u32)
+            })
+        })
+    };
+    RIBS.map(rib).to_vec()
 }
 
 /// The highest and the lowest point of the mean body.

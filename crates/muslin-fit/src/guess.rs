@@ -1,6 +1,6 @@
 //! One guess of the solver: camera, stance and shape, and where that puts the markers.
 
-use crate::fold::{Folded, N_MARKERS};
+use crate::fold::Folded;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// Everything that the solver may change.
@@ -107,7 +107,7 @@ pub struct Placed {
     pub heads: Vec<DVec3>,
     /// Every share `R l + c p` [m, weighted].
     shares: Vec<DVec3>,
-    /// Every marker [m].
+    /// Every marker [m], and after them the ends of the trunk's bars.
     pub markers: Vec<DVec3>,
 }
 
@@ -140,7 +140,7 @@ impl Placed {
             .map(share)
             .collect();
         let sum = |k: usize| shares[folded.starts[k]..folded.starts[k + 1]].iter().sum();
-        let markers = (0..N_MARKERS).map(sum).collect();
+        let markers = (0..folded.starts.len() - 1).map(sum).collect();
         Placed {
             turns,
             heads,
@@ -189,7 +189,7 @@ impl Placed {
             let arm = slope[n + s] - share.weight * slope[share.joint];
             self.turns[share.joint] * arm + share.weight * heads[share.joint]
         };
-        (0..N_MARKERS)
+        (0..folded.starts.len() - 1)
             .map(|k| (folded.starts[k]..folded.starts[k + 1]).map(share).sum())
             .collect()
     }

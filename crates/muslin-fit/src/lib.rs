@@ -9,6 +9,7 @@ mod evidence;
 mod exact;
 mod figure;
 mod fold;
+mod ground;
 mod guess;
 mod joint;
 mod place;
@@ -16,6 +17,7 @@ mod problem;
 pub mod solve;
 mod start;
 mod system;
+mod touch;
 pub mod trial;
 
 pub use camera::Camera;

@@ -1,32 +1,14 @@
 //! From the camera's frame to a world with a floor, and from joint groups to all bones.
 
-use crate::fold::{Folded, N_MARKERS};
+use crate::fold::Folded;
+use crate::ground::Stand;
 use crate::guess::{Guess, Placed};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use muslin_body::{Avatar, Pose};
 
-/// A camera is not expected to be tilted more than this [rad].
-const MOST_TILT: f64 = 0.35;
-
-/// Parts of a body's mass, each between two pairs of markers (left and right together).
-///
-/// Rounded from Winter's table of segment masses (head 8 %, trunk 50, arms 10, legs 32).
-const MASSES: [([usize; 2], f64); 6] = [
-    ([3, 4], 0.08),
-    ([5, 6], 0.27),
-    ([7, 8], 0.08),
-    ([11, 12], 0.33),
-    ([13, 14], 0.16),
-    ([15, 16], 0.08),
-];
-
-/// Heels and toes, left then right.
-const FEET: [[usize; 3]; 2] = [[17, 19, 21], [18, 20, 22]];
-
 /// The pose in a world whose floor carries the feet, and where the camera is in it.
 ///
-/// The body stands over the origin and faces +z. Which way is down is not in the picture: the
-/// camera is taken as level, tilted up or down so far that the body stands in balance.
+/// The body stands over the origin and faces +z.
 pub fn world(
     avatar: &Avatar,
     folded: &Folded,
@@ -34,11 +16,12 @@ pub fn world(
     guess: &Guess,
 ) -> (Pose, DAffine3) {
     let placed = Placed::new(folded, features, guess);
-    let level = DMat3::from_rotation_x(tilt(&placed.markers));
+    let stand = Stand::new(folded, features, &placed);
+    let up = stand.up();
+    let level = DMat3::from_quat(DQuat::from_rotation_arc(up, DVec3::Y));
     let ahead = level * DMat3::from_quat(guess.turns[0]).z_axis;
     let turn = DMat3::from_rotation_y(-ahead.x.atan2(ahead.z)) * level;
-    let down = turn.transpose() * DVec3::NEG_Y;
-    let floor = lowest(folded, features, &placed, down);
+    let floor = stand.floor(up);
     let hips = turn * (0.5 * (placed.markers[11] + placed.markers[12]));
     let world_from_camera = DAffine3 {
         matrix3: turn,
@@ -53,59 +36,6 @@ pub fn world(
     pose.root = world_from_camera.transform_point3(guess.root) - features[0];
     spread_twists(avatar, folded, features, &mut pose);
     (pose, world_from_camera)
-}
-
-/// The camera's tilt that brings the middle of mass over the feet, about x [rad].
-///
-/// Zero for somebody who does not stand.
-fn tilt(markers: &[DVec3]) -> f64 {
-    let middle = |m: [usize; 2]| 0.5 * (markers[m[0]] + markers[m[1]]);
-    let mass = MASSES.iter().map(|&(m, w)| w * middle(m)).sum::<DVec3>();
-    let foot = |f: &[usize; 3]| f.iter().map(|&k| markers[k]).sum::<DVec3>() / 3.0;
-    let feet = FEET.each_ref().map(foot);
-    // A raised foot carries nothing.
-    let lift = ((feet[0].y - feet[1].y) / 0.25).clamp(-1.0, 1.0);
-    let up = mass - feet[0].lerp(feet[1], 0.5 + 0.5 * lift);
-    if up.y < 0.5 {
-        return 0.0;
-    }
-    (-up.z.atan2(up.y)).clamp(-MOST_TILT, MOST_TILT)
-}
-
-/// How far the lowest point lies along `down` [m]: soles, else whatever touches the floor.
-fn lowest(folded: &Folded, features: &[DVec3], placed: &Placed, down: DVec3) -> f64 {
-    let rest = Placed::new(folded, features, &rest_guess(folded, features)).markers;
-    let sole = features[features.len() - 1].y;
-    let mut lowest = f64::NEG_INFINITY;
-    for (side, foot) in FEET.iter().enumerate() {
-        let name = ["ankle.L", "ankle.R"][side];
-        let Some(j) = folded
-            .joints
-            .iter()
-            .position(|j| folded.groups[j.group] == name)
-        else {
-            continue;
-        };
-        for &k in foot {
-            let below = placed.turns[j] * DVec3::new(0.0, sole - rest[k].y, 0.0);
-            lowest = lowest.max(down.dot(placed.markers[k] + below));
-        }
-    }
-    // Knees, hips and hands have some flesh below them.
-    let others = (0..17).map(|k| down.dot(placed.markers[k]) + 0.05);
-    debug_assert!(placed.markers.len() == N_MARKERS);
-    others.fold(lowest, f64::max)
-}
-
-fn rest_guess(folded: &Folded, features: &[DVec3]) -> Guess {
-    Guess {
-        root: features[0],
-        turns: vec![DQuat::IDENTITY; folded.groups.len()],
-        log_focal: 0.0,
-        origin: DVec3::ZERO,
-        log_scale: 0.0,
-        shape: Vec::new(),
-    }
 }
 
 /// Limbs twist along their length, not at one joint: half of each twist moves to the bone

@@ -7,8 +7,10 @@
 use crate::evidence::{Evidence, Seen};
 use crate::figure::Shapes;
 use crate::fold::{Folded, N_MARKERS};
+use crate::ground::Step;
 use crate::guess::{Columns, Guess, Placed, view};
 use crate::joint::{Habit, log_slope};
+use crate::touch::{Tie, Touch};
 use glam::{DMat3, DVec3};
 
 /// How much each kind of evidence is trusted.
@@ -42,6 +44,10 @@ pub struct Problem<'a> {
     pub evidence: &'a Evidence,
     /// One habit per joint group; none for the root.
     pub habits: &'a [Option<Habit>],
+    /// Limbs that keep apart; none where they may pass through each other.
+    pub touch: Option<&'a Touch>,
+    /// Feet that come down to the floor.
+    pub steps: Vec<Step>,
     /// Weights.
     pub trust: Trust,
 }
@@ -113,6 +119,11 @@ impl<'a> Problem<'a> {
             sum += self.rho(pixel[0].powi(2) + pixel[1].powi(2));
             sum += world.map_or(0.0, |w| self.rho(w.length_squared()));
         }
+        sum += self
+            .ties(&placed)
+            .iter()
+            .map(|t| t.miss * t.miss)
+            .sum::<f64>();
         self.expectations(guess, skin, &mut |_, _, r, w| sum += w * r * r);
         0.5 * sum
     }
@@ -161,7 +172,38 @@ impl<'a> Problem<'a> {
             self.pixel_rows(seen, guess, &placed, &mut scratch, emit);
             self.world_rows(seen, guess, &placed, &mut scratch, emit);
         }
+        for tie in self.ties(&placed) {
+            self.tie_row(&tie, &placed, &by_shape, emit);
+        }
         self.expectations(guess, skin, emit);
+    }
+
+    /// What limbs and feet want.
+    fn ties(&self, placed: &Placed) -> Vec<Tie> {
+        let mut ties = self.touch.map_or(Vec::new(), |t| t.ties(placed));
+        ties.extend(self.steps.iter().map(|s| s.tie(placed)));
+        ties
+    }
+
+    fn tie_row(&self, tie: &Tie, placed: &Placed, by_shape: &[Vec<DVec3>], emit: &mut Emit) {
+        let columns = self.columns();
+        let mut row = vec![0.0; columns.len()];
+        let mut by_turn = Vec::new();
+        for &(k, w) in &tie.ends {
+            let along = tie.along * (w / tie.spread);
+            let mut add = |first: usize, v: [f64; 3]| (0..3).for_each(|i| row[first + i] += v[i]);
+            add(0, along.to_array());
+            placed.turn_slopes(self.folded, k, &mut by_turn);
+            for (g, slope) in &by_turn {
+                add(columns.turn(*g), (slope.transpose() * along).to_array());
+            }
+            for (i, slope) in by_shape.iter().enumerate() {
+                row[columns.shape() + i] += along.dot(slope[k]);
+            }
+        }
+        let used: Vec<usize> = (0..row.len()).filter(|&i| row[i] != 0.0).collect();
+        let values: Vec<f64> = used.iter().map(|&i| row[i]).collect();
+        emit(&used, &values, tie.miss, 1.0);
     }
 
     fn pixel_rows(

@@ -6,10 +6,12 @@ use crate::descend::{Descent, Patience, descend};
 use crate::evidence::Evidence;
 use crate::figure::{Free, Shapes};
 use crate::fold::{Folded, N_MARKERS};
-use crate::guess::{Guess, view};
+use crate::ground::{Stand, at_rest};
+use crate::guess::{Guess, Placed, view};
 use crate::joint::Habit;
 use crate::problem::{Problem, Trust, stature};
 use crate::start::Start;
+use crate::touch::Touch;
 use crate::{doubts, place};
 use glam::DVec3;
 use muslin_body::{Avatar, Keypoints, Pose, Shape};
@@ -80,6 +82,12 @@ const LENGTHS: [(&str, f64); 7] = [
 /// Where the height stands among the phenotypes.
 const HEIGHT: usize = 4;
 
+/// What the spreads of a leg's joints shrink to where its foot is not seen at all.
+const RESTS: [(&str, f64); 3] = [("hip", 0.5), ("knee", 0.15), ("ankle", 0.2)];
+
+/// From this score on a foot counts as seen.
+const SEEN: f64 = 0.6;
+
 /// Points that a fit needs.
 const LEAST_POINTS: usize = 6;
 
@@ -99,6 +107,12 @@ const ROUGH: Patience = Patience {
 const FINE: Patience = Patience {
     steps: 25,
     saving: 1e-3,
+    enough: 0.0,
+};
+
+const BRIEF: Patience = Patience {
+    steps: 3,
+    saving: 1e-2,
     enough: 0.0,
 };
 
@@ -215,13 +229,18 @@ impl<'a> Fitter<'a> {
     /// The best descent from all starts, with `shapes` for rough and for fine tries.
     fn search(&self, evidence: &Evidence, trust: Trust, shapes: [Shapes; 2]) -> Descent {
         let features = shapes[0].features(&[]);
-        let [rough, fine] = shapes.map(|shapes| Problem {
+        let touch = Touch::new(&self.folded, &features);
+        let habits = at_rest_unseen(&self.folded, &self.habits, evidence);
+        let [rough, mut fine] = shapes.map(|shapes| Problem {
             folded: &self.folded,
             shapes,
             evidence,
-            habits: &self.habits,
+            habits: &habits,
+            touch: None,
+            steps: Vec::new(),
             trust,
         });
+        fine.touch = Some(&touch);
         let start = Start {
             folded: &self.folded,
             features: &features,
@@ -251,10 +270,24 @@ impl<'a> Fitter<'a> {
         let ends: Vec<Descent> = ends.collect();
         let steps = spent + ends.iter().map(|e| e.steps).sum::<usize>();
         let best = ends.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let best = best.expect("at least one try");
+        let end = self.set_down(&mut fine, best);
         Descent {
-            steps,
-            ..best.expect("at least one try")
+            steps: steps + end.steps,
+            ..end
         }
+    }
+
+    /// Brings a foot that is near the floor down to it.
+    fn set_down(&self, problem: &mut Problem, at: Descent) -> Descent {
+        let features = problem.shapes.features(&at.guess.shape);
+        let placed = Placed::new(&self.folded, &features, &at.guess);
+        let stand = Stand::new(&self.folded, &features, &placed);
+        problem.steps = stand.steps(stand.up());
+        if problem.steps.is_empty() {
+            return Descent { steps: 0, ..at };
+        }
+        descend(problem, at.guess, BRIEF)
     }
 
     fn finish(
@@ -264,7 +297,7 @@ impl<'a> Fitter<'a> {
         (shape, features): (Shape, Vec<DVec3>),
         end: Descent,
     ) -> Fit {
-        let markers = crate::guess::Placed::new(&self.folded, &features, &end.guess).markers;
+        let markers = Placed::new(&self.folded, &features, &end.guess).markers;
         let (pose, world_from_camera) =
             place::world(self.avatar, &self.folded, &features, &end.guess);
         let camera = Camera {
@@ -299,19 +332,7 @@ fn all_round(problem: &Problem, start: &Start) -> Vec<Descent> {
 
 /// What each joint group likes, with the direction of its bone at rest.
 fn habits(folded: &Folded, features: &[DVec3]) -> Vec<Option<Habit>> {
-    let markers = crate::guess::Placed::new(
-        folded,
-        features,
-        &Guess {
-            root: features[0],
-            turns: vec![glam::DQuat::IDENTITY; folded.groups.len()],
-            log_focal: 0.0,
-            origin: DVec3::ZERO,
-            log_scale: 0.0,
-            shape: Vec::new(),
-        },
-    )
-    .markers;
+    let markers = Placed::new(folded, features, &at_rest(folded, features)).markers;
     let along = |group: usize| {
         let first = folded
             .joints
@@ -341,6 +362,26 @@ fn habits(folded: &Folded, features: &[DVec3]) -> Vec<Option<Habit>> {
         .enumerate()
         .map(|(g, name)| Habit::of(name, along(g)))
         .collect()
+}
+
+/// Habits by what a picture shows: a leg whose foot is not seen rests more than it strays.
+fn at_rest_unseen(
+    folded: &Folded,
+    habits: &[Option<Habit>],
+    evidence: &Evidence,
+) -> Vec<Option<Habit>> {
+    let mut habits = habits.to_vec();
+    for (side, [ankle, heel]) in [("L", [15, 21]), ("R", [16, 22])] {
+        let score = |k: usize| evidence.marker(k).map_or(0.0, |s| s.score);
+        let seen = (score(ankle).min(score(heel)) / SEEN).min(1.0);
+        for (joint, rest) in RESTS {
+            let group = folded.group(&format!("{joint}.{side}"));
+            if let Some(habit) = group.and_then(|g| habits[g].as_mut()) {
+                habit.spread *= rest + (1.0 - rest) * seen;
+            }
+        }
+    }
+    habits
 }
 
 fn enough(evidence: &Evidence) -> Result<(), FitError> {

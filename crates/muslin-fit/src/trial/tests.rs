@@ -6,6 +6,7 @@ use crate::fold::N_MARKERS;
 use crate::joint::rotation_vector;
 use crate::problem::{Problem, Trust};
 use crate::solve::FitOptions;
+use crate::touch::Touch;
 use glam::DAffine3;
 use muslin_body::COCO17;
 
@@ -23,7 +24,10 @@ fn folding_is_exact() {
             .map(|(a, b)| a.distance(*b))
             .fold(0.0, f64::max);
         // The modes are summed in single precision over the whole mesh, in double here.
-        assert!(got.len() == N_MARKERS && off < 2e-6, "seed {seed}: {off} m");
+        assert!(
+            want.len() == N_MARKERS && off < 2e-6,
+            "seed {seed}: {off} m"
+        );
     }
 }
 
@@ -42,6 +46,7 @@ fn every_slope_is_what_finite_differences_say() {
         let base = Shape::default().with_local("measure-shoulder-dist", -0.2);
         let free = Free::list(&avatar, fitter.folded(), &free).expect("sliders");
         let shapes = Shapes::new(&avatar, fitter.folded(), &base, &free).expect("sliders");
+        let touch = Touch::new(fitter.folded(), &shapes.features(&shapes.start()));
         let trust = Trust {
             priors: true,
             height: Some(1.7),
@@ -52,6 +57,8 @@ fn every_slope_is_what_finite_differences_say() {
             shapes,
             evidence: &evidence,
             habits: fitter.habits(),
+            touch: Some(&touch),
+            steps: Vec::new(),
             trust,
         };
         // Another person's stance: residuals are large and joints are beyond their ranges.
