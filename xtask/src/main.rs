@@ -7,6 +7,7 @@ mod assets_body;
 mod assets_pose;
 mod check_body;
 mod check_gltf;
+mod check_npz;
 mod check_pose;
 mod ci;
 mod sha256;
@@ -16,7 +17,7 @@ mod wheel;
 use std::process::ExitCode;
 
 const USAGE: &str =
-    "usage: cargo xtask ci | walls | assets body|pose | check body|pose|gltf [ARGS]";
+    "usage: cargo xtask ci | walls | assets body|pose | check body|pose|gltf|npz [ARGS]";
 
 /// Every job says in words what went wrong.
 pub(crate) type Outcome = Result<(), String>;
@@ -41,6 +42,7 @@ fn run(words: &[&str]) -> Outcome {
         ["assets", "pose", rest @ ..] => assets_pose::build(rest.first().copied()),
         ["check", "body", rest @ ..] => check_body::run(rest),
         ["check", "gltf", rest @ ..] => check_gltf::run(rest),
+        ["check", "npz", rest @ ..] => check_npz::run(rest),
         ["check", "pose", rest @ ..] => check_pose::run(rest),
         _ => Err(USAGE.to_owned()),
     }

@@ -99,6 +99,27 @@ impl Motion {
         motion
     }
 
+    /// The motion without its false start, and how many poses that was: recordings often begin with
+    /// a pose or two for the record, then jump to where the actor stood. A jump is a joint that
+    /// turns faster than 40 rad/s, within the first three poses.
+    pub fn without_false_start(&self) -> (Motion, usize) {
+        let jumps = |p: &[Pose]| widest_turn(&p[0], &p[1]) * self.fps > 40.0;
+        let early = self.poses.windows(2).take(3);
+        let n = early
+            .enumerate()
+            .filter(|(_, p)| jumps(p))
+            .map(|(i, _)| i + 1);
+        let n = n.max().unwrap_or(0);
+        let poses = self.poses[n..].to_vec();
+        (
+            Motion {
+                fps: self.fps,
+                poses,
+            },
+            n,
+        )
+    }
+
     /// The largest turn of a joint between neighbouring poses [rad]; zero for a still.
     pub fn largest_turn(&self) -> f64 {
         let pairs = self.poses.windows(2);
@@ -170,6 +191,15 @@ mod tests {
         let whole = motion.with_lead_in(&rest, steps);
         assert_eq!((whole.poses.len(), &whole.poses[0]), (steps + 1, &rest));
         assert!(whole.largest_turn() <= 0.05, "{}", whole.largest_turn());
+    }
+
+    #[test]
+    fn a_pose_for_the_record_is_left_out() {
+        let mut motion = ramp(30.0, 9);
+        motion.poses[0].rotations[0] = DQuat::from_rotation_x(2.0);
+        let (rest, n) = motion.without_false_start();
+        assert_eq!((n, rest.poses), (1, motion.poses[1..].to_vec()));
+        assert_eq!(ramp(30.0, 9).without_false_start(), (ramp(30.0, 9), 0));
     }
 
     #[test]

@@ -5,8 +5,11 @@
 //! the trunk, and every limb bone points where the recorded one points. Twist about a limb is
 //! taken from the plane in which knee or elbow bends.
 
+mod limb;
+
 use crate::{Avatar, BodyError, Figure, Motion, Pose};
 use glam::{DMat3, DQuat, DVec3};
+use limb::{Limb, Memory, TOES, turn_limb};
 
 /// A tree of named joints. Parents come before their children.
 #[derive(Debug, Clone, Default)]
@@ -54,13 +57,14 @@ pub fn retarget(
 ) -> Result<Pose, BodyError> {
     let actor = Actor::new(recording)?;
     let target = Target::new(avatar, figure)?;
-    Ok(target.pose(&actor, &actor.stance(frame), &mut [Twist::default(); 4]))
+    Ok(target.pose(&actor, &actor.stance(frame), &mut [Memory::default(); 4]))
 }
 
 /// Our body in all stances of `recording`; see [`retarget`].
 ///
-/// Twist about upper arms and thighs goes on from frame to frame: it never jumps by a whole turn,
-/// and follows at ten radians a second at most where the recording's joints leave it open.
+/// Limbs go on from frame to frame: what the recording's joints leave open, the twist about a
+/// limb, never jumps but follows at ten radians a second at most; a recorded limb that jumps itself
+/// is followed at sixty.
 pub fn retarget_all(
     avatar: &Avatar,
     figure: &Figure,
@@ -68,11 +72,10 @@ pub fn retarget_all(
 ) -> Result<Motion, BodyError> {
     let actor = Actor::new(recording)?;
     let target = Target::new(avatar, figure)?;
-    let most = FASTEST_TWIST / recording.fps.max(1.0);
-    let mut twists = [Twist { last: None, most }; 4];
+    let mut limbs = [Memory::at(recording.fps); 4];
     let poses = (0..recording.frames.len()).map(|f| {
         let stance = actor.stance(f);
-        target.pose(&actor, &stance, &mut twists)
+        target.pose(&actor, &stance, &mut limbs)
     });
     Ok(Motion {
         fps: recording.fps,
@@ -422,7 +425,7 @@ impl<'a> Target<'a> {
         })
     }
 
-    fn pose(&self, actor: &Actor, stance: &Stance, twists: &mut [Twist; 4]) -> Pose {
+    fn pose(&self, actor: &Actor, stance: &Stance, limbs: &mut [Memory; 4]) -> Pose {
         let mut pose = Pose::rest(self.avatar);
         let [pelvis, chest] = std::array::from_fn(|k| {
             DQuat::from_mat3(&(stance.trunk()[k] * self.rest.trunk()[k].transpose()))
@@ -436,13 +439,13 @@ impl<'a> Target<'a> {
                 &mut pose,
                 self.bones.arm[side],
                 chest,
-                (arm, &mut twists[side]),
+                (arm, &mut limbs[side]),
             );
             turn_limb(
                 &mut pose,
                 self.bones.leg[side],
                 pelvis,
-                (leg, &mut twists[2 + side]),
+                (leg, &mut limbs[2 + side]),
             );
         }
         pose.root = self.hips(actor, stance) - self.root - pelvis * (self.rest.hips() - self.root);
@@ -498,60 +501,6 @@ impl<'a> Target<'a> {
     }
 }
 
-/// How much the foot's direction counts beside the bend of the knee.
-const TOES: f64 = 0.4;
-
-/// Fastest that a twist may follow [rad/s].
-const FASTEST_TWIST: f64 = 10.0;
-
-/// The twist of a limb's first bone as it goes on from frame to frame.
-#[derive(Clone, Copy)]
-struct Twist {
-    /// In the frame before [rad].
-    last: Option<f64>,
-    /// Largest change in a frame [rad].
-    most: f64,
-}
-
-impl Default for Twist {
-    fn default() -> Self {
-        Twist {
-            last: None,
-            most: f64::INFINITY,
-        }
-    }
-}
-
-impl Twist {
-    /// The next twist, given what the recording tells now and how sure that is, 0 to 1.
-    fn follow(&mut self, seen: f64, angle: f64) -> f64 {
-        let Some(last) = self.last else {
-            self.last = Some(seen * angle);
-            return seen * angle;
-        };
-        let whole = std::f64::consts::TAU;
-        // The way round that is nearer to where the limb is, but no more than a turn and a half.
-        let angle = angle + whole * ((last - angle) / whole).round();
-        let angle = match angle.abs() > 0.75 * whole {
-            true => angle - whole * angle.signum(),
-            false => angle,
-        };
-        let next = last + (seen * angle - last).clamp(-self.most, self.most);
-        self.last = Some(next);
-        next
-    }
-}
-
-/// Directions of a limb's three bones, at rest and now (zero where not known), and the axis
-/// of its middle joint at rest.
-struct Limb {
-    rest: [DVec3; 3],
-    now: [DVec3; 3],
-    hinge: DVec3,
-    /// What else tells that axis now; zero if nothing does.
-    hint: DVec3,
-}
-
 fn limb(joints: [DVec3; 3], end: Option<DVec3>) -> [DVec3; 3] {
     let [a, b, c] = joints;
     [b - a, c - b, end.map_or(DVec3::ZERO, |e| e - c)].map(DVec3::normalize_or_zero)
@@ -563,37 +512,6 @@ pub(crate) fn share(pose: &mut Pose, bones: &[usize], turn: DQuat) {
     for &b in bones {
         pose.rotations[b] = each;
     }
-}
-
-fn turn_limb(
-    pose: &mut Pose,
-    bones: [usize; 3],
-    world_from_trunk: DQuat,
-    (limb, memory): (Limb, &mut Twist),
-) {
-    let mut parent = world_from_trunk;
-    for k in 0..3 {
-        let mut turn = parent;
-        if limb.now[k] != DVec3::ZERO {
-            turn = DQuat::from_rotation_arc(parent * limb.rest[k], limb.now[k]) * parent;
-        }
-        if k == 0 {
-            turn = twist(turn * limb.hinge, &limb, memory) * turn;
-        }
-        pose.rotations[bones[k]] = parent.inverse() * turn;
-        parent = turn;
-    }
-}
-
-/// The turn about the first bone that brings `hinge` into the axis of the bend; fades out as
-/// the limb straightens and its axis is lost.
-fn twist(hinge: DVec3, limb: &Limb, memory: &mut Twist) -> DQuat {
-    let now = limb.now;
-    let bend = now[0].cross(now[1]) + limb.hint;
-    let seen = ((bend.length() - 0.1) / 0.4).clamp(0.0, 1.0);
-    let angle = hinge.cross(bend).dot(now[0]).atan2(hinge.dot(bend));
-    let turn = memory.follow(seen * seen * (3.0 - 2.0 * seen), angle);
-    DQuat::from_axis_angle(now[0].normalize_or(DVec3::Y), turn)
 }
 
 #[cfg(test)]

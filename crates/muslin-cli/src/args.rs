@@ -29,6 +29,8 @@ pub enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Judge animated cloth: energies, stretch, penetration, crossings, drift.
+    Evaluate(Evaluate),
     /// Print the figures of merit, measured on this machine.
     Bench(Bench),
 }
@@ -101,6 +103,23 @@ pub struct Common {
     /// No progress on standard error.
     #[arg(short, long)]
     pub quiet: bool,
+}
+
+/// Options of `evaluate`.
+#[derive(Debug, Args)]
+pub struct Evaluate {
+    /// GLB, NPZ in the exchange layout, PC2 with its OBJ beside it, or a folder of these.
+    pub file: PathBuf,
+    /// The same cloth and motion by somebody else, as a rule the simulator: distances and energies
+    /// are told against it.
+    #[arg(long)]
+    pub against: Option<PathBuf>,
+    /// Where the report goes [default: beside the file, as NAME.evaluation.json].
+    #[arg(short, long)]
+    pub out: Option<PathBuf>,
+    /// Print the report on standard output instead of the table.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Options of `bench`.

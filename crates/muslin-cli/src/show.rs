@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicUsize;
 
 use muslin::{Exit, Failure, Outcome, Watch};
 
-use crate::args::{Bench, BenchKind, Common, Kind, Verb};
+use crate::args::{Bench, BenchKind, Common, Evaluate, Kind, Verb};
 
 /// Does what the verb says.
 pub fn run(verb: &Verb) -> Result<(), Failure> {
@@ -23,6 +23,7 @@ pub fn run(verb: &Verb) -> Result<(), Failure> {
         },
         Verb::Demo(d) => job(&d.common, muslin::demo),
         Verb::List { what, json } => list(*what, *json),
+        Verb::Evaluate(e) => evaluate(e),
         Verb::Bench(b) => bench(b),
     }
 }
@@ -57,6 +58,11 @@ fn list(what: Kind, json: bool) -> Result<(), Failure> {
         Kind::Poses => muslin::list::poses(),
     };
     print(&if json { table.json() } else { table.text() })
+}
+
+fn evaluate(e: &Evaluate) -> Result<(), Failure> {
+    let outcome = muslin::evaluate_file(&e.file, e.against.as_deref(), e.out.as_deref())?;
+    print(if e.json { &outcome.json } else { &outcome.table })
 }
 
 fn bench(bench: &Bench) -> Result<(), Failure> {

@@ -1,12 +1,13 @@
 //! The jobs as plain functions.
 //!
 //! [`dress`] takes a photo and writes a 3D figure wearing draped garments; [`demo`] does it on a
-//! built-in photo and [`dress_pose`] on a built-in stance. [`list`] tells what there is, [`bench`]
+//! built-in photo and [`dress_pose`] on a built-in stance. [`evaluate()`] judges animated cloth. [`list`] tells what there is, [`bench`]
 //! measures it. Each job tells a [`Watch`] of its stages and fails with a [`Failure`].
 
 pub mod bench;
 mod drape;
 mod dress;
+mod evaluate;
 mod failure;
 mod figure;
 mod files;
@@ -21,6 +22,7 @@ mod watch;
 
 pub use drape::{Dressed, Quality, drape_outfit};
 pub use dress::{demo, dress, dress_pose};
+pub use evaluate::{Evaluation, evaluate, evaluate_file};
 pub use failure::{Exit, Failure};
 pub use muslin_garment::Cut;
 pub use options::{Backdrop, DressOptions, Person, Wear};

@@ -313,7 +313,7 @@ fn every_shared_recording_moves_our_body_soundly() {
     files.retain(|f| !f.to_string_lossy().contains("non-commercial"));
     assert!(files.len() > 20, "{} files", files.len());
     for file in files {
-        let name = file.display();
+        let name = file.display().to_string();
         let bvh = read("a.bvh", &std::fs::read(&file).expect("readable")).expect("valid");
         let Ok(motion) = retarget_all(&avatar, &figure, &bvh.recording) else {
             assert!(
@@ -323,11 +323,9 @@ fn every_shared_recording_moves_our_body_soundly() {
             continue;
         };
         assert!(motion.is_sound() && motion.poses.len() == bvh.recording.frames.len());
+        let (motion, _) = motion.without_false_start();
         let rate = motion.largest_turn() * motion.fps;
-        // Recorded wrists and ankles flick now and then; flips of whole limbs are 90 and more.
-        if rate > 20.0 {
-            println!("{name} {rate:.1}");
-        }
+        assert!(rate < 75.0, "{name}: a joint turns at {rate:.1} rad/s");
         let heights = motion
             .poses
             .iter()
@@ -335,8 +333,8 @@ fn every_shared_recording_moves_our_body_soundly() {
             .map(|p| low(&avatar.pose(&figure, p).verts[skin.clone()]) - floor);
         let heights: Vec<f64> = heights.collect();
         let least = heights.iter().copied().fold(f64::INFINITY, f64::min);
-        if least < -0.15 || least > 0.05 {
-            println!("{name} {least:.3} m");
-        }
+        // The gymnast stands on hands, and only feet are held to the floor.
+        let is_near = (-0.13..0.08).contains(&least) || name.contains("gym01");
+        assert!(is_near, "{name}: the lowest point is at {least:.3} m");
     }
 }

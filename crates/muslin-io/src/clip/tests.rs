@@ -99,3 +99,22 @@ fn cut_and_foreign_files_are_errors() {
     folder.put("a.obj", b"v 0 0 0\nf 1 2 3\n");
     assert!(read_clip(&folder.path().join("a.pc2")).is_err());
 }
+
+#[test]
+fn files_for_numpy() {
+    // Opt-in: `cargo xtask check npz` looks at what this leaves in the folder named here.
+    let Some(folder) = std::env::var_os("MUSLIN_NPZ_SAMPLES") else {
+        return println!("skipped: needs MUSLIN_NPZ_SAMPLES");
+    };
+    use muslin_body::{Avatar, Shape, motions};
+    let avatar = Avatar::embedded().expect("the embedded body");
+    let figure = avatar.figure(&Shape::default()).expect("an adult");
+    let motion = motions::make(&avatar, &figure, "wave", 10.0).expect("built in");
+    let poses = crate::write_poses(&avatar, &motion).expect("finite");
+    let mut files = sample().npz_files("clip").expect("finite");
+    files.push(("poses.npz".into(), poses));
+    for (name, bytes) in files {
+        let path = Path::new(&folder).join(name);
+        crate::write_file(&path, &bytes).expect("the folder can be written");
+    }
+}

@@ -1,0 +1,131 @@
+//! `muslin evaluate`, as a user types it.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use muslin_io::npz::{Array, write};
+
+fn evaluate(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_muslin"))
+        .arg("evaluate")
+        .args(args)
+        .output()
+        .expect("the program starts")
+}
+
+/// A folder of its own, removed in the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path =
+            std::env::temp_dir().join(format!("muslin-evaluate-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&path).expect("a temporary folder can be made");
+        Self(path)
+    }
+
+    fn put(&self, name: &str, bytes: &[u8]) -> String {
+        let path = self.0.join(name);
+        std::fs::write(&path, bytes).expect("a temporary file can be written");
+        path.display().to_string()
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A square of two triangles that falls for four frames, `lower` metres below.
+fn falling(lower: f32) -> Vec<u8> {
+    let corner = |t: usize, k: usize| {
+        let time = t as f32 / 60.0;
+        let height = 2.0 - 4.905 * time * time - lower;
+        [(k % 2) as f32 * 0.1, height, (k / 2) as f32 * 0.1]
+    };
+    let cloth = (0..4)
+        .flat_map(|t| (0..4).flat_map(move |k| corner(t, k)))
+        .collect();
+    write(&[
+        ("cloth", Array::f32(&[4, 4, 3], cloth)),
+        ("faces", Array::int(&[2, 3], vec![0, 1, 2, 1, 3, 2])),
+        ("fps", Array::number(60.0)),
+    ])
+    .expect("finite")
+}
+
+#[test]
+fn a_file_is_judged_and_its_report_lies_beside_it() {
+    let folder = Folder::new("judged");
+    let file = folder.put("walk.npz", &falling(0.0));
+    let out = evaluate(&[&file]);
+    let table = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert_eq!(
+        out.status.code(),
+        Some(0),
+        "{}",
+        String::from_utf8_lossy(&out.stderr)
+    );
+    for line in [
+        "strain J",
+        "edge triangle crossings a frame",
+        "acceleration mean m s2",
+        "first frame",
+    ] {
+        assert!(table.contains(line), "{line} is missing:\n{table}");
+    }
+    let report = std::fs::read_to_string(folder.0.join("walk.evaluation.json")).expect("written");
+    assert!(
+        report.contains("\"edge_max\"") && report.contains("\"frames\": 4"),
+        "{report}"
+    );
+}
+
+#[test]
+fn another_answer_is_compared_and_json_is_printed() {
+    let folder = Folder::new("against");
+    let (a, b) = (
+        folder.put("a.npz", &falling(0.0)),
+        folder.put("b.npz", &falling(0.01)),
+    );
+    let report = folder.0.join("r.json").display().to_string();
+    let out = evaluate(&[&a, "--against", &b, "--json", "-o", &report]);
+    let json = String::from_utf8_lossy(&out.stdout).into_owned();
+    assert_eq!(
+        out.status.code(),
+        Some(0),
+        "{}",
+        String::from_utf8_lossy(&out.stderr)
+    );
+    assert!(
+        json.contains("\"distance_mean_mm\": 10.0") || json.contains("\"distance_mean_mm\": 9.99"),
+        "{json}"
+    );
+    assert!(Path::new(&report).exists() && !folder.0.join("a.evaluation.json").exists());
+}
+
+#[test]
+fn bad_files_end_with_their_code_a_hint_and_no_report() {
+    let folder = Folder::new("bad");
+    let whole = falling(0.0);
+    let cases = [
+        (folder.put("text.npz", b"nothing of the kind"), 4),
+        (folder.put("cut.npz", &whole[..whole.len() / 2]), 3),
+        (folder.put("glb.glb", b"glTF\x02\0\0\0"), 3),
+        (folder.0.join("missing.npz").display().to_string(), 5),
+        (folder.0.display().to_string(), 3),
+    ];
+    for (file, want) in &cases {
+        let out = evaluate(&[file]);
+        let errors = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(*want), "{file}: {errors}");
+        assert!(errors.contains("error["), "{file}: {errors}");
+    }
+    let left = std::fs::read_dir(&folder.0).expect("the folder").flatten();
+    assert!(
+        left.filter(|e| e.file_name().to_string_lossy().contains("evaluation"))
+            .count()
+            == 0
+    );
+}

@@ -1,0 +1,330 @@
+//! Judges any animated cloth by the same measures, wherever it came from.
+//!
+//! Energies are those of one reference cloth (the material that SNUG, Santesteban et al. 2022,
+//! trains with): isotropic, E = 70 kPa, ν = 0.485, 0.47 mm thick, 426 kg/m³, bending fifty times
+//! that of the plate. So figures compare cloths of different makers, not fabrics. Areas are true
+//! areas, folds have a sign, and sides of the body are told by pseudo-normals of triangles.
+//! Intersections are decided by exact predicates. Non-finite frames are counted and left out.
+
+mod contact;
+mod frame;
+mod material;
+mod passage;
+
+use std::path::Path;
+
+use muslin_geom::{Report, Value};
+use muslin_io::{Clip, read_clip, report_json, write_file};
+use rayon::prelude::*;
+
+use crate::dress::file_failure;
+use crate::failure::{Exit, Failure};
+use crate::outcome::Outcome;
+use crate::table::Table;
+use frame::Frame;
+use material::Reference;
+
+/// What was found.
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// All figures, in groups.
+    pub report: Report,
+}
+
+/// Measures every frame of `clip`; `against`, of the same cloth and rate, gives distances and the
+/// gap of energies to another answer, as a rule the simulator's.
+///
+/// The rest shape is the clip's own: its pattern, else its shape at rest, else the first frame
+/// (which the report then says). The same clip gives the same figures on any number of threads.
+pub fn evaluate(clip: &Clip, against: Option<&Clip>) -> Result<Evaluation, Failure> {
+    clip.check_shape().map_err(|e| file_failure(&e))?;
+    let cloth = Reference::of(clip);
+    let sound = frame::sound(clip);
+    if !sound.contains(&true) {
+        let fault = Failure::new(
+            Exit::Invalid,
+            "not-finite",
+            "no frame has finite positions only",
+        );
+        return Err(fault.hint("simulate again with smaller motion or a finer --edge"));
+    }
+    let indices: Vec<usize> = (0..sound.len()).filter(|&t| sound[t]).collect();
+    let frames: Vec<Frame> = indices
+        .par_iter()
+        .map(|&t| Frame::measure(clip, &cloth, (t, &sound)))
+        .collect();
+    let mut report = Report::default();
+    report.set("clip", about(clip, &cloth, &sound));
+    report.set("energies", energies(&frames));
+    report.set("stretch", stretch(&frames));
+    report.set("shape", shape(&frames));
+    if !clip.body.is_empty() {
+        report.set("contact", contact(clip, &frames, &sound));
+    }
+    report.set("self", crossings(clip, &frames));
+    report.set("time", time(clip, &frames));
+    if let Some(truth) = against {
+        report.set("against", compare(clip, truth, &cloth, &frames)?);
+    }
+    Ok(Evaluation { report })
+}
+
+/// Evaluates the file (or folder of point caches) at `path`, writes `NAME.evaluation.json` beside
+/// it, or `out`, and gives the table.
+pub fn evaluate_file(
+    path: &Path,
+    against: Option<&Path>,
+    out: Option<&Path>,
+) -> Result<Outcome, Failure> {
+    let read = |p: &Path| read_clip(p).map_err(|e| file_failure(&e));
+    let clip = read(path)?;
+    let truth = against.map(read).transpose()?;
+    let mut evaluation = evaluate(&clip, truth.as_ref())?;
+    let file = muslin_io::name(path);
+    evaluation
+        .report
+        .set("file", file.as_str())
+        .set("muslin", env!("CARGO_PKG_VERSION"));
+    let beside = path.with_extension("evaluation.json");
+    let target = out.unwrap_or(&beside);
+    let json = report_json(&evaluation.report);
+    write_file(target, json.as_bytes()).map_err(|e| file_failure(&e))?;
+    Ok(Outcome::new(evaluation.table(), &evaluation.report))
+}
+
+impl Evaluation {
+    /// One line a figure: group, name, value.
+    pub fn table(&self) -> String {
+        let mut table = Table::new(&["group", "figure", "value"]);
+        for (group, value) in self.report.entries() {
+            let Value::Tree(figures) = value else {
+                continue;
+            };
+            for (i, (name, value)) in figures.entries().iter().enumerate() {
+                let shown = match value {
+                    Value::Number(x) => short(*x),
+                    Value::Text(t) => t.clone(),
+                    Value::Flag(f) => f.to_string(),
+                    _ => continue,
+                };
+                let group = if i == 0 { group.as_str() } else { "" };
+                table.row([group, &name.replace('_', " "), &shown]);
+            }
+        }
+        table.text()
+    }
+}
+
+/// Four digits that count.
+fn short(x: f64) -> String {
+    match x.abs() {
+        _ if x == x.round() && x.abs() < 1e9 => format!("{x}"),
+        a if a >= 1000.0 => format!("{x:.0}"),
+        a if a >= 1.0 => format!("{x:.3}"),
+        a if a >= 1e-3 => format!("{x:.5}"),
+        _ => format!("{x:.3e}"),
+    }
+}
+
+fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
+    let (mut sum, mut n) = (0.0, 0usize);
+    for x in values {
+        (sum, n) = (sum + x, n + 1);
+    }
+    if n == 0 { f64::NAN } else { sum / n as f64 }
+}
+
+fn most(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(f64::NAN, f64::max)
+}
+
+/// The value below which a share of all lies.
+fn percentile(values: &mut [f32], share: f64) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let at = ((values.len() - 1) as f64 * share).round() as usize;
+    f64::from(*values.select_nth_unstable_by(at, f32::total_cmp).1)
+}
+
+fn about(clip: &Clip, cloth: &Reference, sound: &[bool]) -> Report {
+    let mut r = Report::default();
+    let n_body = clip.body.first().map_or(0, Vec::len);
+    r.set("frames", clip.drape.frames.len())
+        .set("frames_per_second", clip.drape.fps);
+    r.set("vertices", clip.n_verts())
+        .set("triangles", clip.drape.faces.len());
+    r.set("body_vertices", n_body)
+        .set("garments", clip.garments().len());
+    r.set("rest_shape", cloth.rest_from)
+        .set("mass_kg", cloth.mass.iter().sum::<f64>());
+    r.set("non_finite_frames", sound.iter().filter(|s| !**s).count());
+    r.set("non_finite_values", frame::non_finite(clip));
+    r
+}
+
+fn energies(frames: &[Frame]) -> Report {
+    let mut r = Report::default();
+    let of = |f: fn(&Frame) -> f64| mean(frames.iter().map(f));
+    let [strain, bend, gravity] = [of(|f| f.strain), of(|f| f.bend), of(|f| f.gravity)];
+    let inertia = mean(frames.iter().filter_map(|f| f.inertia));
+    let lowest = frames
+        .iter()
+        .map(|f| f.gravity)
+        .fold(f64::INFINITY, f64::min);
+    r.set("strain_J", strain).set("bend_J", bend);
+    r.set("gravity_J", gravity)
+        .set("gravity_above_lowest_frame_J", gravity - lowest);
+    r.set("inertia_J", inertia);
+    r.set(
+        "total_J",
+        strain + bend + gravity + if inertia.is_nan() { 0.0 } else { inertia },
+    );
+    r.set(
+        "residual_force_per_weight_free_vertices",
+        of(|f| f.residual),
+    );
+    r
+}
+
+fn stretch(frames: &[Frame]) -> Report {
+    let mut r = Report::default();
+    let mut edges: Vec<f32> = frames
+        .iter()
+        .flat_map(|f| f.edges.iter().copied())
+        .collect();
+    let mut large: Vec<f32> = frames
+        .iter()
+        .flat_map(|f| f.large.iter().copied())
+        .collect();
+    let mut small: Vec<f32> = frames
+        .iter()
+        .flat_map(|f| f.small.iter().copied())
+        .collect();
+    let square = mean(edges.iter().map(|&e| f64::from(e).powi(2)));
+    r.set("edge_mean", mean(edges.iter().map(|&e| f64::from(e))))
+        .set("edge_rms", square.sqrt());
+    r.set("edge_p99", percentile(&mut edges, 0.99))
+        .set("edge_max", percentile(&mut edges, 1.0));
+    r.set("area_change_mean", mean(frames.iter().map(|f| f.area)));
+    r.set("principal_p01", percentile(&mut small, 0.01))
+        .set("principal_p99", percentile(&mut large, 0.99));
+    r.set("principal_max", percentile(&mut large, 1.0));
+    r
+}
+
+fn shape(frames: &[Frame]) -> Report {
+    let mut r = Report::default();
+    r.set("fold_mean_deg", mean(frames.iter().map(|f| f.fold)));
+    r.set(
+        "fold_change_mean_deg",
+        mean(frames.iter().map(|f| f.fold_change)),
+    );
+    r
+}
+
+fn contact(clip: &Clip, frames: &[Frame], sound: &[bool]) -> Report {
+    let mut r = Report::default();
+    let n = clip.n_verts() as f64;
+    let share = |f: fn(&Frame) -> usize| 100.0 * mean(frames.iter().map(|x| f(x) as f64)) / n;
+    let depths = frames.iter().flat_map(|f| f.contact.depths.iter());
+    let deepest = most(
+        frames
+            .iter()
+            .flat_map(|f| f.contact.depths.iter().map(|d| f64::from(*d))),
+    );
+    let mean_depth = mean(depths.map(|d| f64::from(*d)));
+    let or_zero = |x: f64| if x.is_nan() { 0.0 } else { 1000.0 * x };
+    r.set("penetrating_percent", share(|f| f.contact.depths.len()));
+    r.set("depth_mean_mm", or_zero(mean_depth))
+        .set("depth_max_mm", or_zero(deepest));
+    r.set("under_2_mm_percent", share(|f| f.contact.close));
+    r.set(
+        "penetrating_by_nearest_vertex_percent",
+        share(|f| f.contact.by_nearest_vertex),
+    );
+    let pairs = || frames.iter().map(|f| f.contact.pairs as f64);
+    r.set("body_intersections_a_frame", mean(pairs()))
+        .set("body_intersections_max", most(pairs()));
+    r.set(
+        "frames_with_body_intersections",
+        pairs().filter(|&p| p > 0.0).count(),
+    );
+    r.set(
+        "passages_between_frames",
+        passage::through_body(clip, sound),
+    );
+    let own = || frames.iter().map(|f| f.contact.body_self as f64);
+    r.set("body_self_crossings_a_frame", mean(own()))
+        .set("body_self_crossings_max", most(own()));
+    r
+}
+
+fn crossings(clip: &Clip, frames: &[Frame]) -> Report {
+    let mut r = Report::default();
+    let edges = || frames.iter().map(|f| f.crossings as f64);
+    r.set("edge_triangle_crossings_a_frame", mean(edges()))
+        .set("edge_triangle_crossings_max", most(edges()));
+    r.set(
+        "frames_with_crossings",
+        edges().filter(|&c| c > 0.0).count(),
+    );
+    let n = clip.n_verts() as f64;
+    if clip.drape.parts.len() > 1 {
+        let wrong = mean(frames.iter().map(|f| f.wrong_order as f64));
+        r.set("wrong_order_layer_percent", 100.0 * wrong / n);
+    }
+    r
+}
+
+fn time(clip: &Clip, frames: &[Frame]) -> Report {
+    let mut r = Report::default();
+    r.set(
+        "acceleration_mean_m_s2",
+        mean(frames.iter().filter_map(|f| f.acceleration)),
+    );
+    r.set("jerk_mean_m_s3", mean(frames.iter().filter_map(|f| f.jerk)));
+    if let Some(drift) = frame::drift(clip) {
+        r.set("drift_on_still_body_mm_10s", 1000.0 * drift);
+    }
+    r
+}
+
+fn compare(
+    clip: &Clip,
+    truth: &Clip,
+    cloth: &Reference,
+    frames: &[Frame],
+) -> Result<Report, Failure> {
+    truth.check_shape().map_err(|e| file_failure(&e))?;
+    let same = truth.drape.faces == clip.drape.faces
+        && truth.drape.frames.len() == clip.drape.frames.len();
+    if !same {
+        let fault = Failure::new(
+            Exit::Invalid,
+            "not-the-same-cloth",
+            "the other file has other triangles or another number of frames",
+        );
+        return Err(fault
+            .at("--against")
+            .hint("export both from the same garment and motion"));
+    }
+    let sound = frame::sound(truth);
+    let both: Vec<&Frame> = frames.iter().filter(|f| sound[f.t]).collect();
+    let mut far: Vec<f32> = Vec::new();
+    let mut gaps = Vec::new();
+    for frame in &both {
+        let (a, b) = (&clip.drape.frames[frame.t], &truth.drape.frames[frame.t]);
+        far.extend(a.iter().zip(b).map(|(x, y)| 1000.0 * x.distance(*y) as f32));
+        let theirs = Frame::energy(truth, cloth, (frame.t, &sound));
+        gaps.push(frame.total() - theirs.total());
+    }
+    let mut r = Report::default();
+    r.set("distance_mean_mm", mean(far.iter().map(|&d| f64::from(d))));
+    r.set("distance_p95_mm", percentile(&mut far, 0.95))
+        .set("energy_gap_J", mean(gaps));
+    Ok(r)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,77 @@
+//! Between frames: whether cloth went through the body unseen.
+
+use glam::DVec3;
+use muslin_geom::bvh::Aabb;
+use muslin_geom::{Bvh, closest::on_triangle};
+use muslin_io::Clip;
+use rayon::prelude::*;
+
+/// How many times a vertex of the cloth passes a triangle of the body between two frames, both
+/// moving straight: it is on one side before, on the other after, and within it at the moment
+/// between. There and back within one frame is not seen.
+pub fn through_body(clip: &Clip, sound: &[bool]) -> usize {
+    let pairs = (1..sound.len()).into_par_iter();
+    pairs
+        .filter(|&t| sound[t - 1] && sound[t])
+        .map(|t| between(clip, t))
+        .sum()
+}
+
+fn between(clip: &Clip, t: usize) -> usize {
+    let (x, body) = (
+        [&clip.drape.frames[t - 1], &clip.drape.frames[t]],
+        [&clip.body[t - 1], &clip.body[t]],
+    );
+    // What cloth and body do together needs no boxes.
+    let n = body[0].len().max(1) as f64;
+    let shift = body[1]
+        .iter()
+        .zip(body[0])
+        .map(|(a, b)| *a - *b)
+        .sum::<DVec3>()
+        / n;
+    let swept = |a: DVec3, b: DVec3| Aabb::of(&[a, b - shift]);
+    let points: Vec<Aabb> = x[0].iter().zip(x[1]).map(|(a, b)| swept(*a, *b)).collect();
+    let faces = clip.body_faces.iter().map(|f| {
+        f.map(|i| swept(body[0][i as usize], body[1][i as usize]))
+            .into_iter()
+            .reduce(Aabb::union)
+            .expect("three corners")
+    });
+    let faces: Vec<Aabb> = faces.collect();
+    let near = Bvh::over(&points).pairs(&Bvh::over(&faces), 0.0);
+    let is_passed = |&&[i, f]: &&[u32; 2]| {
+        let corners = clip.body_faces[f as usize];
+        let at = |s: f64| {
+            let p = x[0][i as usize].lerp(x[1][i as usize], s);
+            (
+                p,
+                corners.map(|c| body[0][c as usize].lerp(body[1][c as usize], s)),
+            )
+        };
+        passes(at)
+    };
+    near.iter().filter(is_passed).count()
+}
+
+/// Whether the point changes sides within the triangle.
+fn passes(at: impl Fn(f64) -> (DVec3, [DVec3; 3])) -> bool {
+    let side = |s: f64| {
+        let (p, [a, b, c]) = at(s);
+        (b - a).cross(c - a).dot(p - a)
+    };
+    let before = side(0.0) > 0.0;
+    if before == (side(1.0) > 0.0) {
+        return false;
+    }
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        match (side(middle) > 0.0) == before {
+            true => low = middle,
+            false => high = middle,
+        }
+    }
+    let (p, corners) = at(high);
+    on_triangle(p, &corners).point.distance(p) < 1e-9
+}

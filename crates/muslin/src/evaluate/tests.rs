@@ -1,0 +1,165 @@
+use glam::{DVec2, DVec3};
+use muslin_geom::{Drape, Part};
+
+use super::*;
+
+/// A flat sheet of 9 × 9 vertices, 5 cm apart, that falls freely at 30 frames a second.
+fn falling(n: usize) -> Clip {
+    let at = |i: usize| DVec2::new((i % 9) as f64, (i / 9) as f64) * 0.05;
+    let mut faces = Vec::new();
+    for i in (0..72u32).filter(|i| i % 9 < 8) {
+        faces.extend([[i, i + 1, i + 9], [i + 1, i + 10, i + 9]]);
+    }
+    let frame = |t: usize| {
+        let time = t as f64 / 30.0;
+        let height = 2.0 - 0.5 * 9.81 * time * time;
+        (0..81)
+            .map(|i| DVec3::new(at(i).x, height, at(i).y))
+            .collect()
+    };
+    let corners = faces
+        .iter()
+        .map(|f: &[u32; 3]| f.map(|i| at(i as usize)))
+        .collect();
+    Clip {
+        drape: Drape {
+            parts: vec![Part {
+                name: "sheet".into(),
+                verts: 0..81,
+                faces: 0..faces.len(),
+            }],
+            faces,
+            frames: (0..n).map(frame).collect(),
+            fps: 30.0,
+        },
+        corners,
+        ..Clip::default()
+    }
+}
+
+/// A cube of half a metre around a place.
+fn cube(middle: DVec3) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let corner =
+        |i: u32| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2)) - 0.5;
+    let verts = (0..8).map(|i| middle + 0.5 * corner(i)).collect();
+    let quads = [
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+    ];
+    let faces = quads
+        .iter()
+        .flat_map(|q: &[u32; 4]| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]])
+        .collect();
+    (verts, faces)
+}
+
+fn figure(e: &Evaluation, group: &str, name: &str) -> f64 {
+    let Some(Value::Tree(tree)) = e.report.get(group) else {
+        panic!("no group {group}")
+    };
+    match tree.get(name) {
+        Some(Value::Number(x)) => *x,
+        other => panic!("{group} {name} is {other:?}"),
+    }
+}
+
+#[test]
+fn a_sheet_in_free_fall_has_no_strain_no_force_and_the_acceleration_of_gravity() {
+    let e = evaluate(&falling(8), None).expect("a sound clip");
+    assert!(figure(&e, "energies", "strain_J") < 1e-20);
+    assert!((figure(&e, "clip", "mass_kg") - 0.16 * 426.0 * 0.47e-3).abs() < 1e-9);
+    assert!((figure(&e, "time", "acceleration_mean_m_s2") - 9.81).abs() < 1e-9);
+    assert!(figure(&e, "time", "jerk_mean_m_s3") < 1e-6);
+    assert_eq!(figure(&e, "self", "edge_triangle_crossings_max"), 0.0);
+    let still = evaluate(&falling(1), None).expect("a still");
+    // At rest in mid-air nothing carries it: the force is its weight.
+    assert!(
+        (figure(
+            &still,
+            "energies",
+            "residual_force_per_weight_free_vertices"
+        ) - 1.0)
+            .abs()
+            < 1e-9
+    );
+}
+
+#[test]
+fn a_stretched_and_folded_sheet_reads_as_it_was_made() {
+    let mut clip = falling(1);
+    for x in &mut clip.drape.frames[0] {
+        x.x *= 1.1;
+    }
+    let e = evaluate(&clip, None).expect("a sound clip");
+    assert!((figure(&e, "stretch", "edge_max") - 0.1).abs() < 1e-6);
+    assert!((figure(&e, "stretch", "principal_max") - 1.1).abs() < 1e-6);
+    assert!((figure(&e, "stretch", "area_change_mean") - 0.1).abs() < 1e-9);
+    // ½ (λ + 2 μ) E² A with Green's strain E = (1.21 − 1)/2.
+    let (mu, lambda) = (0.5 * 7e4 / 1.485, 7e4 * 0.485 / (1.0 - 0.485 * 0.485));
+    let want = 0.5 * (lambda + 2.0 * mu) * 0.47e-3 * 0.105f64.powi(2) * 0.16;
+    assert!((figure(&e, "energies", "strain_J") / want - 1.0).abs() < 1e-9);
+    for x in &mut clip.drape.frames[0] {
+        x.x /= 1.1;
+        if x.x > 0.201 {
+            *x = DVec3::new(0.2, x.y + x.x - 0.2, x.z);
+        }
+    }
+    let e = evaluate(&clip, None).expect("a sound clip");
+    assert!(
+        figure(&e, "shape", "fold_change_mean_deg") > 3.0
+            && figure(&e, "energies", "strain_J") < 1e-12
+    );
+}
+
+#[test]
+fn a_body_inside_and_one_passed_through_are_found() {
+    let mut clip = falling(2);
+    let (verts, faces) = cube(DVec3::new(0.2, 1.9, 0.2));
+    clip.body_faces = faces;
+    clip.body = vec![verts.clone(), verts];
+    let e = evaluate(&clip, None).expect("a sound clip");
+    // The sheet lies 10 cm above the cube's middle: 15 cm from its
+    // top, from 5 cm to 25 cm from its sides.
+    assert!(figure(&e, "contact", "penetrating_percent") > 99.0);
+    assert!((figure(&e, "contact", "depth_max_mm") - 150.0).abs() < 6.0);
+    let mut clip = falling(2);
+    let (verts, faces) = cube(DVec3::new(0.2, 1.4, 0.2));
+    let up = verts.iter().map(|v| *v + DVec3::Y * 1.5).collect();
+    (clip.body, clip.body_faces) = (vec![verts, up], faces);
+    let e = evaluate(&clip, None).expect("a sound clip");
+    assert_eq!(figure(&e, "contact", "penetrating_percent"), 0.0);
+    assert!(figure(&e, "contact", "passages_between_frames") >= 81.0);
+}
+
+#[test]
+fn crossings_are_counted_and_non_finite_frames_left_out() {
+    let mut clip = falling(3);
+    clip.drape.frames[1][40].y = f64::NAN;
+    // A corner pushed down through the sheet beside it.
+    for (k, frame) in clip.drape.frames.iter_mut().enumerate() {
+        if k != 1 {
+            frame[0] = frame[20] + DVec3::new(0.011, -0.05, 0.013);
+            frame[1].y += 0.05;
+        }
+    }
+    let e = evaluate(&clip, None).expect("two sound frames");
+    assert_eq!(figure(&e, "clip", "non_finite_frames"), 1.0);
+    assert_eq!(figure(&e, "clip", "non_finite_values"), 1.0);
+    assert!(figure(&e, "self", "edge_triangle_crossings_a_frame") >= 1.0);
+    assert!(e.table().contains("edge triangle crossings a frame"));
+    clip.drape.frames.iter_mut().for_each(|f| f[0].x = f64::NAN);
+    assert!(evaluate(&clip, None).is_err());
+}
+
+#[test]
+fn against_itself_there_is_no_gap() {
+    let clip = falling(4);
+    let e = evaluate(&clip, Some(&clip)).expect("a sound clip");
+    assert_eq!(figure(&e, "against", "energy_gap_J"), 0.0);
+    assert_eq!(figure(&e, "against", "distance_p95_mm"), 0.0);
+    assert!(evaluate(&clip, Some(&falling(3))).is_err());
+}
