@@ -277,12 +277,9 @@ type Sums = BTreeMap<usize, Vec<(u32, f64)>>;
 /// The shares of every marker.
 fn markers(avatar: &Avatar, owner: &[usize], ribs: &[Rib]) -> Result<Vec<Sums>, FitError> {
     let mut markers = Vec::new();
-    let ends = ribs.iter().flatten();
-    let ends: Vec<_> = ends.map(|e| e.map(|v| (v, 0.5)).to_vec()).collect();
-    let regressed = avatar.regressors().rows().map(<[_]>::to_vec);
-    for row in regressed.chain(ends) {
+    for row in avatar.regressors().rows() {
         let mut sums = Sums::new();
-        for &(v, r) in &row {
+        for &(v, r) in row {
             for &(b, w) in avatar.rig().weights.row(v as usize) {
                 sums.entry(owner[b as usize]).or_default().push((v, r * w));
             }
@@ -292,8 +289,14 @@ fn markers(avatar: &Avatar, owner: &[usize], ribs: &[Rib]) -> Result<Vec<Sums>, 
     for name in KNUCKLES {
         let bone = avatar.bone(name)?;
         let point = (avatar.head_point(bone) as u32, 1.0);
-        let knuckle = Sums::from([(owner[bone], vec![point])]);
-        markers.insert(markers.len() - 2 * ribs.len(), knuckle);
+        markers.push(Sums::from([(owner[bone], vec![point])]));
+    }
+    for end in ribs.iter().flatten() {
+        // Where bars are is rough anyway; one joint for each keeps the body small.
+        let row = avatar.rig().weights.row(end[0] as usize).iter();
+        let most = row.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |m| m.0);
+        let points = end.map(|v| (v, 0.5)).to_vec();
+        markers.push(Sums::from([(owner[most as usize], points)]));
     }
     Ok(markers)
 }

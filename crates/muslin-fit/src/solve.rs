@@ -111,7 +111,7 @@ const FINE: Patience = Patience {
 };
 
 const BRIEF: Patience = Patience {
-    steps: 3,
+    steps: 2,
     saving: 1e-2,
     enough: 0.0,
 };
