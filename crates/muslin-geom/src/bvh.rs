@@ -6,6 +6,10 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+mod meeting;
+
+pub use meeting::OnTheWay;
+
 /// An axis-aligned box [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {

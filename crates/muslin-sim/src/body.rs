@@ -27,6 +27,12 @@ struct Seen {
     signed: f64,
 }
 
+const UNSEEN: Seen = Seen {
+    at: DVec3::NAN,
+    face: 0,
+    signed: -1.0,
+};
+
 /// How cloth meets the body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Skin {
@@ -42,16 +48,11 @@ const DEEP: f64 = 0.25;
 
 impl Body {
     pub fn new(now: Surface, n_cloth: usize) -> Body {
-        let seen = Seen {
-            at: DVec3::NAN,
-            face: 0,
-            signed: -1.0,
-        };
         let before = now.verts().to_vec();
         Body {
             now,
             before,
-            seen: vec![seen; n_cloth],
+            seen: vec![UNSEEN; n_cloth],
             extra: vec![0.0; n_cloth],
         }
     }
@@ -73,6 +74,12 @@ impl Body {
     /// Drops what was known about distances, not the hints where to look.
     pub fn forget(&mut self) {
         self.seen.iter_mut().for_each(|s| s.at = DVec3::NAN);
+    }
+
+    /// Drops everything that was known about the cloth.
+    pub fn forget_all(&mut self) {
+        self.seen.fill(UNSEEN);
+        self.extra.fill(0.0);
     }
 
     /// How a skin point moves in this step [m].

@@ -37,7 +37,7 @@ pub(crate) fn finish(mut stage: Stage<'_>) -> Result<Settled, SimError> {
         lift(&mut stage, &hits);
         for _ in 0..2 {
             stage.v.fill(DVec3::ZERO);
-            stage.step(0.0)?;
+            stage.calm_step()?;
         }
     }
     let yielded = give(&mut stage);
@@ -49,6 +49,23 @@ pub(crate) fn finish(mut stage: Stage<'_>) -> Result<Settled, SimError> {
         yielded,
         ..measured
     })
+}
+
+/// Makes a frame of a motion clean: the body to deliver [m], how far it yielded for that [m], and
+/// the pairs of triangles that meet all the same.
+///
+/// The next frame starts from the body as it was: a dent made here is this frame's own.
+pub(crate) fn tidy(stage: &mut Stage<'_>) -> Result<(Vec<DVec3>, f64, usize), SimError> {
+    let skin = stage.body.now.verts().to_vec();
+    let yielded = give(stage);
+    if yielded == 0.0 {
+        return Ok((skin, 0.0, 0));
+    }
+    let left = quality::body_intersections(stage.weave, &stage.x, &stage.body.now).len();
+    let dented = stage.body.now.verts().to_vec();
+    stage.body.now.refit(&skin);
+    stage.body.forget();
+    Ok((dented, yielded, left))
 }
 
 /// Keeps cloth farther away where the body pokes through it.

@@ -89,6 +89,13 @@ impl Cloth {
         self.layers.len()
     }
 
+    /// Thickness of two layers of each garment [m].
+    pub(crate) fn thickness_of_all(&self) -> f64 {
+        let layers = self.layers.iter().max().map_or(0, |l| l + 1);
+        let thick = self.materials.iter().map(|m| m.thickness);
+        2.0 * f64::from(layers) * thick.fold(0.0, f64::max)
+    }
+
     /// Whether all arrays fit each other.
     pub fn check(&self) -> Result<(), SimError> {
         let (n, m) = (self.n_verts(), self.faces.len());

@@ -7,9 +7,10 @@ use crate::{
     carry::Carrier,
     clean,
     cloth::{Cloth, SimError, finite, same},
+    flesh::AROUND,
     quality::Settled,
     relief::relieve_path,
-    stage::Stage,
+    stage::{Pace, Stage},
     weave::Weave,
 };
 
@@ -62,6 +63,20 @@ pub fn drape(
     (path, body_faces): (&[Vec<DVec3>], &[[u32; 3]]),
     options: &Options,
 ) -> Result<Settled, SimError> {
+    // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
+    rayon::join(
+        || drape_inside(cloth, start, (path, body_faces), options),
+        || (),
+    )
+    .0
+}
+
+fn drape_inside(
+    cloth: &Cloth,
+    start: &[DVec3],
+    (path, body_faces): (&[Vec<DVec3>], &[[u32; 3]]),
+    options: &Options,
+) -> Result<Settled, SimError> {
     let weave = Weave::new(cloth)?;
     same("start", start.len(), cloth.n_verts())?;
     finite("start vertex", start)?;
@@ -74,12 +89,12 @@ pub fn drape(
         let skin = Surface::new(first, body_faces);
         Carrier::new(&skin, start).worn_on(&skin)
     };
-    let room = 2.0 * options.gap + thickness_of_all(cloth);
+    let room = 2.0 * options.gap + cloth.thickness_of_all();
     let (path, relief) = relieve_path(path, body_faces, (&worn_on, AROUND), room);
     let skin = Surface::new(&path[0], body_faces);
     let mut stage = Stage::new(&weave, start, skin, cloth, *options);
     for _ in 0..options.first_steps {
-        stage.step(0.5)?;
+        stage.step(&Pace::calm(options.step, 0.5))?;
     }
     for frame in &path[1..] {
         stage.follow(frame)?;
@@ -92,18 +107,4 @@ pub fn drape(
         yielded,
         ..settled
     })
-}
-
-/// Skin this near to what cloth is worn on gives way too [m].
-const AROUND: f64 = 0.03;
-
-/// Thickness of two layers of each garment [m].
-fn thickness_of_all(cloth: &Cloth) -> f64 {
-    let layers = cloth.layers.iter().max().map_or(0, |l| l + 1);
-    let thick = cloth
-        .materials
-        .iter()
-        .map(|m| m.thickness)
-        .fold(0.0, f64::max);
-    2.0 * f64::from(layers) * thick
 }

@@ -2,12 +2,11 @@
 
 use glam::DVec3;
 use muslin_geom::{
-    bvh::{Aabb, Bvh, face_boxes},
+    bvh::{Aabb, Bvh, OnTheWay, face_boxes},
     closest::{on_segments, on_triangle},
 };
-use rayon::prelude::*;
 
-use crate::weave::Weave;
+use crate::{fan, ordered, weave::Weave};
 
 /// Two features that may touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,50 +23,26 @@ pub(crate) struct Neighbours {
     /// Positions the list was made at [m].
     at: Vec<DVec3>,
     /// Distance below which every pair is in the list [m].
-    reach: f64,
+    pub reach: f64,
 }
-
-/// Pairs of triangles tested by one task.
-const PAIRS: usize = 2048;
 
 impl Neighbours {
     /// Finds the pairs within `reach` [m] at `x`. `tree` is a tree over the faces, of any shape.
-    pub fn find(weave: &Weave, tree: &mut Bvh, x: &[DVec3], reach: f64) -> Neighbours {
-        let boxes = face_boxes(x, &weave.faces);
-        tree.refit(&boxes);
-        let scene = Scene {
-            weave,
-            x,
-            boxes: &boxes,
-        };
-        let pairs = tree.self_pairs(reach);
-        let lists: Vec<Vec<Near>> = pairs
-            .par_chunks(PAIRS)
-            .map(|chunk| {
-                let mut out = Vec::new();
-                for &[f, g] in chunk {
-                    scene.features((f as usize, g as usize), reach, &mut out);
-                }
-                out
-            })
-            .collect();
-        Neighbours {
-            list: lists.concat(),
-            at: x.to_vec(),
-            reach,
-        }
+    pub fn find(weave: &Weave, tree: &Bvh, x: &[DVec3], reach: f64) -> Neighbours {
+        on_the_way(weave, tree, (x, &vec![DVec3::ZERO; x.len()]), reach)
     }
 
     /// Whether the list still holds every pair within `radius` [m] after the cloth moved to `x`.
+    ///
+    /// What all of the cloth does together does not count.
     pub fn covers(&self, x: &[DVec3], radius: f64) -> bool {
         let room = 0.5 * (self.reach - radius);
-        self.at.len() == x.len()
-            && room >= 0.0
-            && self
-                .at
-                .iter()
-                .zip(x)
-                .all(|(a, b)| a.distance_squared(*b) <= room * room)
+        if self.at.len() != x.len() || room < 0.0 {
+            return false;
+        }
+        let gone = || self.at.iter().zip(x).map(|(a, b)| *b - *a);
+        let mean = gone().sum::<DVec3>() / x.len().max(1) as f64;
+        gone().all(|d| (d - mean).length_squared() <= room * room)
     }
 }
 
@@ -78,92 +53,97 @@ impl Neighbours {
 /// counts against the distance between them.
 pub(crate) fn on_the_way(
     weave: &Weave,
-    tree: &mut Bvh,
+    tree: &Bvh,
     (x, moves): (&[DVec3], &[DVec3]),
     reach: f64,
 ) -> Neighbours {
-    let still = face_boxes(x, &weave.faces);
-    let there: Vec<DVec3> = x.iter().zip(moves).map(|(x, m)| *x + *m).collect();
-    let swept: Vec<Aabb> = (still.iter().zip(&weave.faces))
-        .map(|(b, f)| b.union(Aabb::of_face(&there, *f)))
-        .collect();
-    tree.refit(&swept);
+    let boxes = face_boxes(x, &weave.faces);
+    let sweeps = face_boxes(moves, &weave.faces);
+    let open = fan::open(weave, (x, moves), reach);
     let scene = Scene {
         weave,
         x,
-        boxes: &still,
+        moves,
+        boxes: &boxes,
+        sweeps: &sweeps,
+        reach,
     };
-    let motions: Vec<Motion> = weave.faces.iter().map(|f| Motion::of(f, moves)).collect();
-    let lists: Vec<Vec<Near>> = tree
-        .self_pairs(reach)
-        .par_chunks(PAIRS)
-        .map(|chunk| {
-            let mut out = Vec::new();
-            for &[f, g] in chunk {
-                let (f, g) = (f as usize, g as usize);
-                let reach = motions[f].against(&motions[g]) + reach;
-                if still[f].grown(reach).overlaps(&still[g]) {
-                    scene.features((f, g), reach, &mut out);
-                }
-            }
-            out
-        })
-        .collect();
+    let way = OnTheWay {
+        boxes: &boxes,
+        moves: &sweeps,
+        margin: reach,
+    };
+    let list = tree.meeting(&way, |f, g, out| {
+        let (mine, theirs) = (weave.faces[f], weave.faces[g]);
+        let apart = |v: u32| theirs.contains(&v) && open[v as usize];
+        if !mine.into_iter().any(apart) {
+            scene.features((f, g), out);
+        }
+    });
     Neighbours {
-        list: lists.concat(),
-        at: there,
+        list,
+        at: ordered::map(x.len(), |i| x[i] + moves[i]),
         reach,
     }
 }
 
-/// How a face moves: the mean of its corners, and how far a corner strays from it [m].
-struct Motion {
-    mean: DVec3,
-    stray: f64,
-}
-
-impl Motion {
-    fn of(face: &[u32; 3], moves: &[DVec3]) -> Motion {
-        let m = face.map(|i| moves[i as usize]);
-        let mean = (m[0] + m[1] + m[2]) / 3.0;
-        let stray = m.iter().map(|v| v.distance(mean)).fold(0.0, f64::max);
-        Motion { mean, stray }
-    }
-
-    /// Most that two faces can approach each other [m].
-    fn against(&self, other: &Motion) -> f64 {
-        self.mean.distance(other.mean) + self.stray + other.stray
-    }
-}
-
-/// Where faces are, and what is asked about two of them.
+/// Where faces are and go, and what is asked about two of them.
 struct Scene<'a> {
     weave: &'a Weave,
     x: &'a [DVec3],
+    moves: &'a [DVec3],
     boxes: &'a [Aabb],
+    sweeps: &'a [Aabb],
+    reach: f64,
+}
+
+/// One face as another sees it: how much farther it reaches on its way, along each axis [m].
+struct Seen {
+    back: DVec3,
+    forth: DVec3,
+}
+
+impl Seen {
+    fn swept(&self, b: Aabb) -> Aabb {
+        Aabb {
+            min: b.min + self.back,
+            max: b.max + self.forth,
+        }
+    }
 }
 
 impl Scene<'_> {
-    /// Adds the pairs of features of faces `f` and `g` that are within `reach` [m].
-    fn features(&self, (f, g): (usize, usize), reach: f64, out: &mut Vec<Near>) {
-        for (mine, other) in [(f, g), (g, f)] {
-            let (t, around) = (self.weave.faces[other], self.boxes[other].grown(reach));
-            for v in self.weave.owned[mine].verts {
-                if v != u32::MAX && !t.contains(&v) && self.vertex_near(v, t, (&around, reach)) {
-                    out.push(Near {
-                        verts: [v, t[0], t[1], t[2]],
-                        is_edges: false,
-                    });
-                }
+    /// Adds the pairs of features of faces `f` and `g` that may come within reach.
+    fn features(&self, (f, g): (usize, usize), out: &mut Vec<Near>) {
+        let (mine, theirs) = (&self.sweeps[f], &self.sweeps[g]);
+        let seen = Seen {
+            back: (mine.min - theirs.max).min(DVec3::ZERO),
+            forth: (mine.max - theirs.min).max(DVec3::ZERO),
+        };
+        let back = Seen {
+            back: -seen.forth,
+            forth: -seen.back,
+        };
+        let near_f = self.boxes[f].grown(self.reach);
+        let near_g = self.boxes[g].grown(self.reach);
+        self.vertices((f, g), (&seen, &near_g), out);
+        self.vertices((g, f), (&back, &near_f), out);
+        let mut theirs = [([0; 2], near_f); 3];
+        let mut n = 0;
+        for (ends, around) in self.edges(g) {
+            if back.swept(around).overlaps(&near_f) {
+                theirs[n] = (ends, around.grown(self.reach));
+                n += 1;
             }
         }
-        let (mine, theirs) = (&self.weave.owned[f].edges, &self.weave.owned[g].edges);
-        let (near_f, near_g) = (self.boxes[f].grown(reach), self.boxes[g].grown(reach));
-        for &e in mine.iter().filter(|e| self.edge_near(**e, &near_g)) {
-            for &d in theirs.iter().filter(|d| self.edge_near(**d, &near_f)) {
-                let ([a, b], [c, d]) = (self.weave.edges[e as usize], self.weave.edges[d as usize]);
+        if n == 0 {
+            return;
+        }
+        for ([a, b], around) in self.edges(f) {
+            let swept = seen.swept(around);
+            for &([c, d], around) in &theirs[..n] {
                 let apart = a != c && a != d && b != c && b != d;
-                if apart && self.edges_near([a, b, c, d], reach) {
+                if apart && swept.overlaps(&around) && self.edges_near([a, b, c, d]) {
                     out.push(Near {
                         verts: [a, b, c, d],
                         is_edges: true,
@@ -173,30 +153,60 @@ impl Scene<'_> {
         }
     }
 
-    fn vertex_near(&self, v: u32, t: [u32; 3], (around, reach): (&Aabb, f64)) -> bool {
-        let p = self.x[v as usize];
-        if !around.overlaps(&Aabb { min: p, max: p }) {
-            return false;
+    /// Adds the vertices of face `f` that may come near face `g`.
+    fn vertices(
+        &self,
+        (f, g): (usize, usize),
+        (seen, around): (&Seen, &Aabb),
+        out: &mut Vec<Near>,
+    ) {
+        let t = self.weave.faces[g];
+        for v in self.weave.owned[f].verts {
+            if v == u32::MAX || t.contains(&v) {
+                continue;
+            }
+            let p = self.x[v as usize];
+            if seen.swept(Aabb { min: p, max: p }).overlaps(around) && self.vertex_near(v, t) {
+                out.push(Near {
+                    verts: [v, t[0], t[1], t[2]],
+                    is_edges: false,
+                });
+            }
         }
+    }
+
+    /// The edges that face `f` answers for, and their boxes.
+    fn edges(&self, f: usize) -> impl Iterator<Item = ([u32; 2], Aabb)> {
+        let owned = self.weave.owned[f].edges.into_iter();
+        owned.filter(|e| *e != u32::MAX).map(|e| {
+            let ends = self.weave.edges[e as usize];
+            let [a, b] = ends.map(|i| self.x[i as usize]);
+            let around = Aabb {
+                min: a.min(b),
+                max: a.max(b),
+            };
+            (ends, around)
+        })
+    }
+
+    /// Largest of the relative moves of two vertices, squared [m²].
+    fn drift(&self, a: u32, b: u32) -> f64 {
+        self.moves[a as usize].distance_squared(self.moves[b as usize])
+    }
+
+    fn vertex_near(&self, v: u32, t: [u32; 3]) -> bool {
+        let p = self.x[v as usize];
+        let drift = t.map(|c| self.drift(v, c)).into_iter().fold(0.0, f64::max);
+        let reach = self.reach + drift.sqrt();
         let t = t.map(|i| self.x[i as usize]);
         on_triangle(p, &t).point.distance_squared(p) <= reach * reach
     }
 
-    /// Whether an edge, if there is one, meets a box.
-    fn edge_near(&self, e: u32, around: &Aabb) -> bool {
-        e != u32::MAX && {
-            let [a, b] = self.weave.edges[e as usize].map(|i| self.x[i as usize]);
-            around.overlaps(&Aabb {
-                min: a.min(b),
-                max: a.max(b),
-            })
-        }
-    }
-
-    fn edges_near(&self, v: [u32; 4], reach: f64) -> bool {
+    fn edges_near(&self, v: [u32; 4]) -> bool {
+        let [a, b, c, d] = v;
+        let drift = [(a, c), (a, d), (b, c), (b, d)].map(|(i, j)| self.drift(i, j));
+        let reach = self.reach + drift.into_iter().fold(0.0, f64::max).sqrt();
         let [a, b, c, d] = v.map(|i| self.x[i as usize]);
-        (a.min(b) - reach).cmple(c.max(d)).all()
-            && (c.min(d) - reach).cmple(a.max(b)).all()
-            && on_segments([a, b], [c, d]).distance <= reach
+        on_segments([a, b], [c, d]).distance <= reach
     }
 }

@@ -52,7 +52,7 @@ impl Pair {
                 limit: self.grip,
                 stick: self.stick,
             };
-            let rub = friction::slide(gap - self.stuck, &on);
+            let rub = friction::slide_majorised(gap - self.stuck, &on);
             out.energy += rub.energy;
             out.gradient += rub.gradient;
             out.hessian += rub.hessian;

@@ -109,7 +109,7 @@ pub(crate) fn relieve_path(
 }
 
 /// Vertices within `around` [m] of those that `near` names.
-fn within(x: &[DVec3], near: &[bool], around: f64) -> Vec<bool> {
+pub(crate) fn within(x: &[DVec3], near: &[bool], around: f64) -> Vec<bool> {
     let points: Vec<DVec3> = x.iter().zip(near).filter(|p| *p.1).map(|p| *p.0).collect();
     let boxes: Vec<Aabb> = points.iter().map(|p| Aabb::of(&[*p])).collect();
     let tree = Bvh::over(&boxes);

@@ -20,6 +20,7 @@ use crate::{
     pairs::{Pair, Rule},
     pattern::Rows,
     quality, safe,
+    simulate::State,
     touch::Touch,
     weave::Weave,
 };
@@ -45,11 +46,36 @@ pub(crate) struct Stage<'a> {
     pub steps: usize,
 }
 
+/// How a step goes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pace {
+    /// Time step [s].
+    pub step: f64,
+    /// Share of its velocity that cloth keeps.
+    pub keep: f64,
+    /// No vertex starts a step faster than this [m/s].
+    pub top_speed: f64,
+    /// Whether velocities are smoothed over the cloth.
+    pub smooth: bool,
+}
+
+impl Pace {
+    /// For cloth that is to come to rest.
+    pub fn calm(step: f64, keep: f64) -> Pace {
+        Pace {
+            step,
+            keep,
+            top_speed: SPEED,
+            smooth: true,
+        }
+    }
+}
+
 /// Where a pin sits in the frame of its skin [m].
 type Held = DVec3;
 
 /// Slack of the neighbour lists [m].
-const SLACK: f64 = 2.5e-3;
+const SLACK: f64 = 3.5e-3;
 /// Skin this close to cloth must not jump [m].
 const NEARBY: f64 = 0.025;
 /// Most that skin may move past nearby cloth in one piece of its way [m].
@@ -58,8 +84,10 @@ const FASTEST: f64 = 0.008;
 const PIECES: usize = 5;
 /// Looks at a move that keeps changing.
 const LOOKS: usize = 8;
-/// Moves shorter than this are checked against the neighbour list [m].
-const SMALL_MOVE: f64 = 0.8e-3;
+/// Share of the reach by which a move may change and still meet nobody but those it was told of.
+///
+/// Two features that both change by this much stay apart by the rest of the reach.
+const SEEN: f64 = 0.4;
 
 impl<'a> Stage<'a> {
     pub fn new(
@@ -96,10 +124,11 @@ impl<'a> Stage<'a> {
     /// Takes the body to its next frame, in pieces so small that no skin jumps over cloth.
     pub fn follow(&mut self, frame: &[DVec3]) -> Result<(), SimError> {
         let motions = self.motions(frame);
-        let pieces = self.pieces(frame, &motions);
+        let x = self.x.clone();
+        let pieces = self.pieces(frame, |v| motions[v].transform_point3(x[v]) - x[v]);
         if pieces == 1 {
             self.carry(frame, &motions);
-            return self.step(0.0);
+            return self.calm_step();
         }
         let from = self.body.now.verts().to_vec();
         for k in 1..=pieces {
@@ -107,23 +136,26 @@ impl<'a> Stage<'a> {
             let between: Vec<DVec3> = from.iter().zip(frame).map(|(a, b)| a.lerp(*b, t)).collect();
             let motions = self.motions(&between);
             self.carry(&between, &motions);
-            self.step(0.0)?;
+            self.calm_step()?;
         }
         Ok(())
     }
 
     /// What the body's move to `frame` does to every vertex.
     fn motions(&self, frame: &[DVec3]) -> Vec<DAffine3> {
-        let now = carry::Skin::of(&self.body.now);
-        let next = carry::Skin {
-            faces: now.faces,
-            verts: frame,
-        };
+        self.motions_between(self.body.now.verts(), frame)
+    }
+
+    /// What the body's move from one place to another does to every vertex.
+    pub fn motions_between(&self, from: &[DVec3], to: &[DVec3]) -> Vec<DAffine3> {
+        let faces = self.body.now.faces();
+        let now = carry::Skin { faces, verts: from };
+        let next = carry::Skin { faces, verts: to };
         self.carrier.motions(&now, &next, &self.weave.pattern.near)
     }
 
     /// Into how many pieces the body's way to `frame` must be cut.
-    fn pieces(&mut self, frame: &[DVec3], motions: &[DAffine3]) -> usize {
+    fn pieces(&mut self, frame: &[DVec3], cloth: impl Fn(usize) -> DVec3 + Sync + Send) -> usize {
         self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
         let all = Aabb::of(&self.x).grown(NEARBY);
         let skin = self.body.now.verts();
@@ -135,8 +167,7 @@ impl<'a> Stage<'a> {
             }
             self.tree.near(&around, |f| {
                 let v = self.weave.faces[f as usize][0] as usize;
-                let cloth = motions[v].transform_point3(self.x[v]) - self.x[v];
-                most = most.max(cloth.distance(frame[i] - skin[i]));
+                most = most.max(cloth(v).distance(frame[i] - skin[i]));
             });
             most
         });
@@ -167,25 +198,80 @@ impl<'a> Stage<'a> {
         self.near = Neighbours::default();
     }
 
+    /// Skin vertices that the cloth is worn on.
+    pub fn worn_on(&self) -> Vec<bool> {
+        self.carrier.worn_on(&self.body.now)
+    }
+
+    /// Room that cloth needs between two parts of the skin [m].
+    pub fn room(&self, cloth: &Cloth) -> f64 {
+        2.0 * self.options.gap + cloth.thickness_of_all()
+    }
+
+    /// Takes over a state, and knows nothing else of what was before.
+    pub fn restore(&mut self, x: &[DVec3], v: &[DVec3]) {
+        self.x = x.to_vec();
+        self.v = v.to_vec();
+        self.before = x.to_vec();
+        self.poked.clear();
+        self.body.forget_all();
+        self.body.stand();
+        self.tree = Bvh::over(&face_boxes(x, &self.weave.faces));
+        self.find_tangles();
+    }
+
+    /// Forgets everything but the state, so that whoever resumes from it goes the same way.
+    pub fn checkpoint(&mut self, frame: usize) -> State {
+        let (x, v) = (self.x.clone(), self.v.clone());
+        self.restore(&x, &v);
+        State {
+            frame,
+            verts: x,
+            velocities: v,
+        }
+    }
+
     pub fn is_tangled(&self) -> bool {
         self.tangled.contains(&true)
     }
 
-    /// One time step; `keep` is the share of velocity that survives it.
-    pub fn step(&mut self, keep: f64) -> Result<(), SimError> {
+    /// Goes on for `time` [s], in which the body moves to `frame`, in as many steps as that needs.
+    pub fn live(&mut self, frame: &[DVec3], time: f64, top_speed: f64) -> Result<(), SimError> {
+        let drift: Vec<DVec3> = self.v.iter().map(|v| *v * time).collect();
+        let pieces = self.pieces(frame, |v| drift[v]);
+        let from = self.body.now.verts().to_vec();
+        let pace = Pace {
+            step: time / pieces as f64,
+            keep: 1.0,
+            top_speed,
+            smooth: false,
+        };
+        for k in 1..=pieces {
+            let t = k as f64 / pieces as f64;
+            let between: Vec<DVec3> = from.iter().zip(frame).map(|(a, b)| a.lerp(*b, t)).collect();
+            self.body.advance(&between);
+            self.before.clone_from(&self.x);
+            self.step(&pace)?;
+        }
+        Ok(())
+    }
+
+    /// One time step.
+    pub fn step(&mut self, pace: &Pace) -> Result<(), SimError> {
         if self.is_tangled() {
             self.untangle();
         }
         let from = self.x.clone();
-        let mut h = self.options.step;
+        let mut h = pace.step;
         for _ in 0..5 {
             let drift: Vec<DVec3> = self.v.iter().map(|v| *v * h).collect();
             if drift.iter().any(|d| *d != DVec3::ZERO) {
                 self.go(drift.clone());
             }
-            if let Some(moves) = self.solve(&from, &drift, h) {
+            let touches = self.touches(h);
+            if let Some(moves) = self.solve((&from, &drift), &touches, h) {
                 self.go(moves);
-                self.finish_step(&from, h, keep);
+                self.finish_step((&from, &touches), h, pace);
                 return Ok(());
             }
             self.x.clone_from(&from);
@@ -195,20 +281,40 @@ impl<'a> Stage<'a> {
         Err(SimError::Diverged(self.steps))
     }
 
-    fn finish_step(&mut self, from: &[DVec3], h: f64, keep: f64) {
+    /// One step from rest to rest.
+    pub fn calm_step(&mut self) -> Result<(), SimError> {
+        self.step(&Pace::calm(self.options.step, 0.0))
+    }
+
+    fn finish_step(&mut self, (from, touches): (&[DVec3], &[Touch]), h: f64, pace: &Pace) {
         let x = &self.x;
         let raw = ordered::map(x.len(), |i| {
-            ((x[i] - from[i]) * (keep / h)).clamp_length_max(SPEED)
+            ((x[i] - from[i]) * (pace.keep / h)).clamp_length_max(pace.top_speed)
         });
-        self.v = smooth(raw, &self.weave.pattern.near);
+        let old = std::mem::take(&mut self.v);
+        self.v = if pace.smooth {
+            smooth(raw, &self.weave.pattern.near)
+        } else {
+            raw
+        };
+        if !pace.smooth {
+            for touch in touches.iter().filter(|t| t.face.is_none()) {
+                let i = touch.verts[0] as usize;
+                self.v[i] = touch.without_bounce((old[i], self.v[i]), (self.before[i], h));
+            }
+        }
         self.before.clone_from(&self.x);
         self.body.stand();
         self.steps += 1;
     }
 
     /// One Newton step, from where the cloth drifted to or from where it was, if that costs less.
-    fn solve(&mut self, from: &[DVec3], drift: &[DVec3], h: f64) -> Option<Vec<DVec3>> {
-        let touches = self.touches(h);
+    fn solve(
+        &mut self,
+        (from, drift): (&[DVec3], &[DVec3]),
+        touches: &[Touch],
+        h: f64,
+    ) -> Option<Vec<DVec3>> {
         let rule = self.rule(h);
         let pairs = self.pairs(&rule);
         let problem = Problem {
@@ -220,7 +326,7 @@ impl<'a> Stage<'a> {
                 .collect::<Vec<_>>(),
             step: h,
             gravity: self.options.gravity,
-            touches: &touches,
+            touches,
             pairs: &pairs,
             barrier: rule.barrier,
             pins: &self.pin_targets(),
@@ -303,15 +409,17 @@ impl<'a> Stage<'a> {
             return;
         }
         let reach = self.weave.radius + SLACK;
-        self.near = Neighbours::find(self.weave, &mut self.tree, &self.x, reach);
+        self.near = Neighbours::find(self.weave, &self.tree, &self.x, reach);
         self.drop_tangled();
     }
 
     /// Moves the cloth along `moves` [m], as far as it can go without passing through itself.
     fn go(&mut self, mut moves: Vec<DVec3>) {
-        let longest = moves.iter().map(|m| m.length()).fold(0.0, f64::max);
-        if longest < SMALL_MOVE {
-            self.look_around(2.0 * longest);
+        let mean = moves.iter().sum::<DVec3>() / moves.len().max(1) as f64;
+        let farthest = moves.iter().map(|m| m.distance_squared(mean));
+        let farthest = farthest.fold(0.0, f64::max).sqrt();
+        // Two that part from the mean by this much can close twice as much between them.
+        if self.near.covers(&self.x, 2.0 * farthest) {
             safe::make_safe(&self.near.list, &self.x, &mut moves);
         } else {
             self.go_far(&mut moves);
@@ -319,8 +427,9 @@ impl<'a> Stage<'a> {
         self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
     }
 
-    /// A changed move may lead to other pairs than those looked at, so it is looked at again; one
-    /// that keeps changing is brought nearer to what all of the cloth does, in the end to just that.
+    /// A much changed move may lead to other pairs than those looked at, so it is looked at again;
+    /// one that keeps changing is brought nearer to what all of the cloth does, in the end to just
+    /// that.
     fn go_far(&mut self, moves: &mut [DVec3]) {
         let reach = self.weave.radius + SLACK;
         let mean = moves.iter().sum::<DVec3>() / moves.len() as f64;
@@ -330,10 +439,11 @@ impl<'a> Stage<'a> {
             } else if look >= LOOKS / 2 {
                 moves.iter_mut().for_each(|m| *m = m.lerp(mean, 0.5));
             }
-            let way = (self.x.as_slice(), &*moves);
-            self.near = near::on_the_way(self.weave, &mut self.tree, way, reach);
+            self.near = near::on_the_way(self.weave, &self.tree, (&self.x, moves), reach);
             self.drop_tangled();
-            if !safe::make_safe(&self.near.list, &self.x, moves) {
+            let wanted = moves.to_vec();
+            let changed = safe::make_safe(&self.near.list, &self.x, moves);
+            if !changed || most_apart(&wanted, moves) < SEEN * reach {
                 return;
             }
         }
@@ -369,7 +479,8 @@ impl<'a> Stage<'a> {
                 self.find_tangles();
             }
             let late = k as f64 / self.options.last_steps as f64;
-            self.step(self.options.keep * (1.0 - 0.5 * late * late))?;
+            let keep = self.options.keep * (1.0 - 0.5 * late * late);
+            self.step(&Pace::calm(self.options.step, keep))?;
             calm = if self.speed() < self.options.still {
                 calm + 1
             } else {
@@ -387,6 +498,12 @@ impl<'a> Stage<'a> {
         let mut speeds: Vec<f64> = self.v.iter().map(|v| v.length()).collect();
         quality::percentile(&mut speeds, 0.99)
     }
+}
+
+/// Largest distance between entries [m].
+fn most_apart(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let apart = a.iter().zip(b).map(|(a, b)| a.distance_squared(*b));
+    apart.fold(0.0, f64::max).sqrt()
 }
 
 /// Stiffness of skin [N/m] per touching vertex.

@@ -49,12 +49,28 @@ impl Touch {
                 limit: self.grip,
                 stick: self.stick,
             };
-            let rub = friction::slide(p - self.stuck, &on);
+            let rub = friction::slide_majorised(p - self.stuck, &on);
             out.energy += rub.energy;
             out.gradient += rub.gradient;
             out.hessian += rub.hessian;
         }
         out
+    }
+
+    /// The velocity `after` a step [m/s], less what the push out of the skin added to it.
+    ///
+    /// Contact may stop what comes towards the skin, and take along what the skin pushes; it may
+    /// not throw cloth off. `before`: the velocity before the step; `at`, `step`: where the point
+    /// was then [m], and how long ago [s].
+    pub fn without_bounce(
+        &self,
+        (before, after): (DVec3, DVec3),
+        (at, step): (DVec3, f64),
+    ) -> DVec3 {
+        let skin = (self.stuck - at) / step;
+        let leaving = (after - skin).dot(self.normal);
+        let was = (before - skin).dot(self.normal).max(0.0);
+        after - self.normal * (leaving - was).max(0.0)
     }
 
     /// Sets the grip from the press at `x`, with Coulomb's coefficient `mu`.

@@ -1,0 +1,78 @@
+//! Flesh that gives way over a whole motion: dents that grow and fade, never jump.
+
+use glam::DVec3;
+
+use crate::{
+    cloth::{SimError, finite, same},
+    relief::{relieve, within},
+    simulate::Walk,
+};
+
+/// Frames from one look at how the body folds into itself to the next.
+const STRIDE: usize = 8;
+/// Skin this near to what cloth is worn on gives way too [m].
+pub(crate) const AROUND: f64 = 0.03;
+
+/// Where every vertex of the skin has drawn back to from where it was posed [m], at two looks.
+pub(crate) struct Flesh<'a> {
+    walk: &'a Walk<'a>,
+    worn_on: Vec<bool>,
+    room: f64,
+    looks: [(usize, Vec<DVec3>); 2],
+}
+
+impl<'a> Flesh<'a> {
+    pub fn new(walk: &'a Walk<'a>, worn_on: Vec<bool>, room: f64) -> Flesh<'a> {
+        let nothing = || (usize::MAX, Vec::new());
+        Flesh {
+            walk,
+            worn_on,
+            room,
+            looks: [nothing(), nothing()],
+        }
+    }
+
+    /// The body in a frame [m], drawn back where it would press on itself.
+    pub fn frame(&mut self, k: usize) -> Result<Vec<DVec3>, SimError> {
+        let (from, to) = self.around(k);
+        let mut body = (self.walk.at)(k);
+        same("body frame", body.len(), self.walk.rest.len())?;
+        finite("body vertex", &body)?;
+        if self.looks[0].0 != from {
+            self.looks.swap(0, 1);
+        }
+        for (slot, at) in [(0, from), (1, to)] {
+            if self.looks[slot].0 != at {
+                self.looks[slot] = (at, self.look(at));
+            }
+        }
+        let t = (k - from) as f64 / (to - from).max(1) as f64;
+        let [(_, a), (_, b)] = &self.looks;
+        for ((p, a), b) in body.iter_mut().zip(a).zip(b) {
+            *p += a.lerp(*b, t);
+        }
+        Ok(body)
+    }
+
+    /// How far the skin has drawn back at most in a frame asked for last [m].
+    pub fn depth(&self, k: usize) -> f64 {
+        let (from, to) = self.around(k);
+        let t = (k - from) as f64 / (to - from).max(1) as f64;
+        let [(_, a), (_, b)] = &self.looks;
+        let depth = a.iter().zip(b).map(|(a, b)| a.lerp(*b, t).length());
+        depth.fold(0.0, f64::max)
+    }
+
+    fn around(&self, k: usize) -> (usize, usize) {
+        let from = k / STRIDE * STRIDE;
+        (from, (from + STRIDE).min(self.walk.frames - 1).max(from))
+    }
+
+    fn look(&self, k: usize) -> Vec<DVec3> {
+        let body = (self.walk.at)(k);
+        let wanted = within(&body, &self.worn_on, AROUND);
+        let relief = relieve((self.walk.rest, &body), self.walk.faces, self.room, &wanted);
+        let pairs = relief.verts.iter().zip(&body);
+        pairs.map(|(a, b)| *a - *b).collect()
+    }
+}

@@ -1,0 +1,175 @@
+//! Cloth on a moving body, frame after frame: inertia, not only rest.
+
+use std::ops::ControlFlow;
+
+use glam::DVec3;
+use muslin_geom::Surface;
+
+use crate::{
+    clean,
+    cloth::{Cloth, SimError, finite, same},
+    drape::Options,
+    flesh::Flesh,
+    stage::{Pace, Stage},
+    weave::Weave,
+};
+
+/// A body that moves: its triangles, and where they are in every frame.
+pub struct Walk<'a> {
+    /// Outward triangles.
+    pub faces: &'a [[u32; 3]],
+    /// The body in the pose the cloth starts around [m].
+    pub rest: &'a [DVec3],
+    /// Number of frames.
+    pub frames: usize,
+    /// Frames of the lead-in, in which cloth follows without inertia and is not delivered.
+    pub lead: usize,
+    /// Frames per second.
+    pub fps: f64,
+    /// Vertices of a frame [m].
+    pub at: &'a (dyn Fn(usize) -> Vec<DVec3> + Sync),
+}
+
+/// What a simulation must remember between two frames, to go on as if it had never stopped.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct State {
+    /// The next frame to be made.
+    pub frame: usize,
+    /// Positions [m].
+    pub verts: Vec<DVec3>,
+    /// Velocities [m/s].
+    pub velocities: Vec<DVec3>,
+}
+
+/// One delivered frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moment<'a> {
+    /// Number of the frame, the lead-in not counted.
+    pub frame: usize,
+    /// Cloth [m].
+    pub verts: &'a [DVec3],
+    /// The body it lies on [m]: the given one, drawn back where it folds into itself.
+    pub body: &'a [DVec3],
+    /// How far the skin drew back at most [m].
+    pub yielded: f64,
+    /// Pairs of cloth and body triangles that meet, by exact predicates.
+    pub body_intersections: usize,
+    /// Steps that the frame took.
+    pub steps: usize,
+    /// To be kept, if the simulation is to go on from here later.
+    pub state: Option<&'a State>,
+}
+
+/// Frames from one point where a simulation can be resumed to the next.
+pub const CHECKPOINT: usize = 30;
+
+/// Moves `cloth` with a body; hands every frame to `deliver`, which may stop the work.
+///
+/// `start`: positions [m] around the body at rest. With `resume`, the state of an earlier run of
+/// the same cloth and body, the frames from there on are the same to the last bit.
+pub fn simulate(
+    cloth: &Cloth,
+    (start, resume): (&[DVec3], Option<&State>),
+    (walk, options): (&Walk<'_>, &Options),
+    mut deliver: impl FnMut(&Moment<'_>) -> ControlFlow<()> + Send,
+) -> Result<(), SimError> {
+    let weave = Weave::new(cloth)?;
+    same("start", start.len(), cloth.n_verts())?;
+    finite("start vertex", start)?;
+    finite("body vertex", walk.rest)?;
+    // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
+    let mut run = || Run::new(&weave, cloth, (start, resume), (walk, options))?.all(&mut deliver);
+    rayon::join(&mut run, || ()).0
+}
+
+struct Run<'a> {
+    stage: Stage<'a>,
+    walk: &'a Walk<'a>,
+    flesh: Flesh<'a>,
+    frame: usize,
+}
+
+/// No vertex of a moving body's cloth starts a step faster than this [m/s].
+const SPEED: f64 = 30.0;
+
+impl<'a> Run<'a> {
+    fn new(
+        weave: &'a Weave,
+        cloth: &'a Cloth,
+        (start, resume): (&[DVec3], Option<&State>),
+        (walk, options): (&'a Walk<'a>, &Options),
+    ) -> Result<Run<'a>, SimError> {
+        let skin = Surface::new(walk.rest, walk.faces);
+        let stage = Stage::new(weave, start, skin, cloth, *options);
+        let flesh = Flesh::new(walk, stage.worn_on(), stage.room(cloth));
+        let frame = resume.map_or(0, |s| s.frame);
+        let mut run = Run {
+            stage,
+            walk,
+            flesh,
+            frame,
+        };
+        if let Some(state) = resume {
+            same("state", state.verts.len(), weave.n_verts())?;
+            same("state", state.velocities.len(), weave.n_verts())?;
+            let before = run.flesh.frame(frame.saturating_sub(1))?;
+            run.stage.body.advance(&before);
+            run.stage.restore(&state.verts, &state.velocities);
+        } else {
+            for _ in 0..options.first_steps {
+                run.stage.step(&Pace::calm(options.step, 0.5))?;
+            }
+        }
+        Ok(run)
+    }
+
+    /// Gives the cloth the velocity that the body has when the lead-in is over.
+    fn set_off(&mut self) -> Result<(), SimError> {
+        let [k, next] = [1, 2].map(|n| (self.frame + n).min(self.walk.frames - 1));
+        let [from, to] = [self.flesh.frame(k)?, self.flesh.frame(next)?];
+        let motions = self.stage.motions_between(&from, &to);
+        let x = &self.stage.x;
+        let by = |(x, m): (&DVec3, &glam::DAffine3)| (m.transform_point3(*x) - *x) * self.walk.fps;
+        self.stage.v = x.iter().zip(&motions).map(by).collect();
+        Ok(())
+    }
+
+    fn all(
+        mut self,
+        deliver: &mut impl FnMut(&Moment<'_>) -> ControlFlow<()>,
+    ) -> Result<(), SimError> {
+        while self.frame < self.walk.frames {
+            let body = self.flesh.frame(self.frame)?;
+            if self.frame < self.walk.lead {
+                self.stage.follow(&body)?;
+                if self.frame + 1 == self.walk.lead {
+                    self.stage.settle()?;
+                    self.set_off()?;
+                }
+                self.frame += 1;
+                continue;
+            }
+            let before = self.stage.steps;
+            self.stage.live(&body, 1.0 / self.walk.fps, SPEED)?;
+            let (skin, yielded, left) = clean::tidy(&mut self.stage)?;
+            self.frame += 1;
+            let delivered = self.frame - self.walk.lead;
+            let state = delivered
+                .is_multiple_of(CHECKPOINT)
+                .then(|| self.stage.checkpoint(self.frame));
+            let moment = Moment {
+                frame: delivered - 1,
+                verts: &self.stage.x,
+                body: &skin,
+                yielded: yielded + self.flesh.depth(self.frame - 1),
+                body_intersections: left,
+                steps: self.stage.steps - before,
+                state: state.as_ref(),
+            };
+            if deliver(&moment).is_break() {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+}
