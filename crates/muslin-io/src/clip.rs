@@ -144,6 +144,22 @@ impl Clip {
         }
     }
 
+    /// Every `n`-th frame, from the first, at the rate that keeps the time; `n` ≥ 1.
+    pub fn every(&self, n: usize) -> Clip {
+        let thin = |frames: &[Vec<DVec3>]| frames.iter().step_by(n.max(1)).cloned().collect();
+        let mut out = Clip {
+            drape: Drape {
+                frames: Vec::new(),
+                ..self.drape.clone()
+            },
+            body: Vec::new(),
+            ..self.clone()
+        };
+        (out.drape.frames, out.body) = (thin(&self.drape.frames), thin(&self.body));
+        out.drape.fps /= n.max(1) as f64;
+        out
+    }
+
     /// One clip of several: garments in layer order, innermost first, over one body.
     ///
     /// A rest shape is kept if all have it. Fails if frames or rates differ.

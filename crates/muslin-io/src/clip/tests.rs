@@ -73,6 +73,17 @@ fn point_caches_come_back_in_layer_order_with_rate_and_body() {
 }
 
 #[test]
+fn every_second_frame_keeps_the_time() {
+    let thin = sample().every(2);
+    assert_eq!(
+        (thin.drape.frames.len(), thin.body.len(), thin.drape.fps),
+        (2, 2, 30.0)
+    );
+    assert_eq!(thin.drape.frames[1], sample().drape.frames[2]);
+    assert_eq!(sample().every(1), sample());
+}
+
+#[test]
 fn what_is_not_finite_is_not_written_but_may_be_read_for_judging() {
     let mut clip = sample();
     clip.drape.frames[1][3].y = f64::NAN;

@@ -33,7 +33,7 @@ pub fn best_turn(from: (&[DVec3], DVec3), to: (&[DVec3], DVec3), guess: DQuat) -
     for _ in 0..24 {
         m = m * m;
         let largest = m.to_cols_array().iter().fold(0.0f64, |a, c| a.max(c.abs()));
-        m = m * (1.0 / largest);
+        m *= 1.0 / largest;
     }
     let q = m * DVec4::from(guess);
     q.try_normalize().map_or(guess, DQuat::from_vec4)
@@ -46,7 +46,7 @@ mod tests {
     #[test]
     fn a_turned_cloud_is_turned_back() {
         let cloud: Vec<DVec3> = (0..40)
-            .map(|i| f64::from(i))
+            .map(f64::from)
             .map(|t| DVec3::new((1.3 * t).sin(), 0.5 * (2.1 * t).cos(), 0.2 * t.sin()))
             .collect();
         for angle in [0.0, 0.4, 2.0, 3.1] {
