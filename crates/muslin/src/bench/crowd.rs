@@ -46,7 +46,7 @@ pub fn stranger(seed: u64) -> Shape {
 pub struct Moment {
     /// File and frame, for reports.
     pub name: String,
-    recording: std::rc::Rc<Recording>,
+    recording: std::sync::Arc<Recording>,
     frame: usize,
 }
 

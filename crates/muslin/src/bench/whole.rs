@@ -1,6 +1,8 @@
 //! Many drapes, and the whole job.
 
 use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use muslin_body::Avatar;
@@ -85,7 +87,8 @@ impl Tally {
     }
 }
 
-/// Tee and trousers on `cases` random bodies in `cases` recorded poses each.
+/// Tee and trousers on `cases` random bodies in `cases` recorded poses each, as many drapes at a
+/// time as there are cores, each on one of them.
 pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
     let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
     let moments = crowd::moments(needed(data)?, cases)?;
@@ -107,20 +110,17 @@ pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
             ..Default::default()
         };
         let outfit = Outfit::make(&avatar, &options, |_| {})?;
-        let mut tally = Tally::default();
-        for k in 0..cases * cases {
+        let tried = in_turns(cases * cases, |k| {
             let (body, moment) = (k / cases, &moments[k % cases]);
-            let shape = crowd::stranger(body as u64 + 1);
-            let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
-            let sitter = Sitter::new(&avatar, &shape, moment.pose(&avatar, &figure)?)?;
             let since = Instant::now();
-            let result = drape_outfit(&avatar, &outfit, &sitter);
-            tally.add(
-                &format!("body {body}, {}", moment.name),
-                result,
-                since.elapsed().as_secs_f64(),
-            );
+            let result = one(&avatar, &outfit, (body as u64 + 1, moment));
             eprint!("\r{garment} {}/{}", k + 1, cases * cases);
+            let name = format!("body {body}, {}", moment.name);
+            (name, result, since.elapsed().as_secs_f64())
+        });
+        let mut tally = Tally::default();
+        for (name, result, seconds) in tried {
+            tally.add(&name, result, seconds);
         }
         eprintln!();
         table.row(tally.row(garment));
@@ -132,6 +132,45 @@ pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
         words.join("\n"),
         load()
     ))
+}
+
+/// One outfit on one stranger at one moment.
+fn one(
+    avatar: &Avatar,
+    outfit: &Outfit,
+    (seed, moment): (u64, &crowd::Moment),
+) -> Result<Dressed, Failure> {
+    let shape = crowd::stranger(seed);
+    let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
+    let sitter = Sitter::new(avatar, &shape, moment.pose(avatar, &figure)?)?;
+    drape_outfit(avatar, outfit, &sitter)
+}
+
+/// `work(k)` for `0..n`, in order, each on a thread of its own that no other work enters.
+fn in_turns<T: Send>(n: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let next = AtomicUsize::new(0);
+    let done: Mutex<Vec<(usize, T)>> = Mutex::new(Vec::with_capacity(n));
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+                let pool = pool.expect("one more thread can be had");
+                loop {
+                    let k = next.fetch_add(1, Ordering::Relaxed);
+                    if k >= n {
+                        return;
+                    }
+                    let value = pool.install(|| work(k));
+                    let mut done = done.lock().expect("nobody panics holding it");
+                    done.push((k, value));
+                }
+            });
+        }
+    });
+    let mut done = done.into_inner().expect("nobody panicked holding it");
+    done.sort_by_key(|d| d.0);
+    done.into_iter().map(|d| d.1).collect()
 }
 
 /// The whole job on the built-in photo, one garment; then the drapes, if there is data.
