@@ -69,6 +69,19 @@ fn largest(f: &[DVec3; 2]) -> f64 {
     (0.5 * (a + d) + (0.5 * (a - d)).hypot(b)).sqrt() - 1.0
 }
 
+/// How far the worst face stretches beyond its limit; below zero if none does.
+pub(crate) fn excess(weave: &Weave, x: &[DVec3]) -> f64 {
+    let over = |f: usize| {
+        let patch = &weave.patches[f];
+        let stretch = || largest(&patch.rest.deformation(&weave.corners(x, f)));
+        patch
+            .limit
+            .map_or(f64::NEG_INFINITY, |l| stretch() - l.limit)
+    };
+    let all = ordered::map(weave.faces.len(), over);
+    all.into_iter().fold(f64::NEG_INFINITY, f64::max)
+}
+
 /// The value below which a `share` of all lies; zero of none.
 pub(crate) fn percentile(values: &mut [f64], share: f64) -> f64 {
     if values.is_empty() {
@@ -131,4 +144,8 @@ pub(crate) fn body_intersections(weave: &Weave, x: &[DVec3], skin: &Surface) -> 
         faces: skin.faces().to_vec(),
     };
     intersecting_pairs(&cloth, &body)
+}
+/// x
+pub(crate) fn worst_face_at(weave: &Weave, verts: &[DVec3], f: usize) -> f64 {
+    largest(&weave.patches[f].rest.deformation(&weave.corners(verts, f)))
 }

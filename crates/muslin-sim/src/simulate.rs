@@ -125,7 +125,7 @@ impl<'a> Run<'a> {
 
     /// Gives the cloth the velocity that the body has when the lead-in is over.
     fn set_off(&mut self) -> Result<(), SimError> {
-        let [k, next] = [1, 2].map(|n| (self.frame + n).min(self.walk.frames - 1));
+        let [k, next] = [0, 1].map(|n| (self.frame + n).min(self.walk.frames - 1));
         let [from, to] = [self.flesh.frame(k)?, self.flesh.frame(next)?];
         let motions = self.stage.motions_between(&from, &to);
         let x = &self.stage.x;
@@ -140,19 +140,21 @@ impl<'a> Run<'a> {
     ) -> Result<(), SimError> {
         while self.frame < self.walk.frames {
             let body = self.flesh.frame(self.frame)?;
-            if self.frame < self.walk.lead {
+            let before = self.stage.steps;
+            if self.frame <= self.walk.lead {
                 self.stage.follow(&body)?;
-                if self.frame + 1 == self.walk.lead {
+                if self.frame == self.walk.lead {
                     self.stage.settle()?;
                     self.set_off()?;
                 }
-                self.frame += 1;
+            } else {
+                self.stage.live(&body, 1.0 / self.walk.fps, SPEED)?;
+            }
+            self.frame += 1;
+            if self.frame <= self.walk.lead {
                 continue;
             }
-            let before = self.stage.steps;
-            self.stage.live(&body, 1.0 / self.walk.fps, SPEED)?;
             let (skin, yielded, left) = clean::tidy(&mut self.stage)?;
-            self.frame += 1;
             let delivered = self.frame - self.walk.lead;
             let state = delivered
                 .is_multiple_of(CHECKPOINT)

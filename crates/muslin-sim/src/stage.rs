@@ -57,6 +57,8 @@ pub(crate) struct Pace {
     pub top_speed: f64,
     /// Whether velocities are smoothed over the cloth.
     pub smooth: bool,
+    /// Newton steps at most.
+    pub rounds: usize,
 }
 
 impl Pace {
@@ -67,6 +69,7 @@ impl Pace {
             keep,
             top_speed: SPEED,
             smooth: true,
+            rounds: 1,
         }
     }
 }
@@ -159,6 +162,7 @@ impl<'a> Stage<'a> {
         self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
         let all = Aabb::of(&self.x).grown(NEARBY);
         let skin = self.body.now.verts();
+        let normals = self.body.now.vertex_normals();
         let fastest = ordered::map(skin.len(), |i| {
             let around = Aabb::of(&[skin[i]]).grown(NEARBY);
             let mut most = 0.0f64;
@@ -167,7 +171,7 @@ impl<'a> Stage<'a> {
             }
             self.tree.near(&around, |f| {
                 let v = self.weave.faces[f as usize][0] as usize;
-                most = most.max(cloth(v).distance(frame[i] - skin[i]));
+                most = most.max((frame[i] - skin[i] - cloth(v)).dot(normals[i]).abs());
             });
             most
         });
@@ -245,6 +249,7 @@ impl<'a> Stage<'a> {
             keep: 1.0,
             top_speed,
             smooth: false,
+            rounds: ROUNDS,
         };
         for k in 1..=pieces {
             let t = k as f64 / pieces as f64;
@@ -268,9 +273,7 @@ impl<'a> Stage<'a> {
             if drift.iter().any(|d| *d != DVec3::ZERO) {
                 self.go(drift.clone());
             }
-            let touches = self.touches(h);
-            if let Some(moves) = self.solve((&from, &drift), &touches, h) {
-                self.go(moves);
+            if let Some(touches) = self.newton((&from, &drift), h, pace.rounds) {
                 self.finish_step((&from, &touches), h, pace);
                 return Ok(());
             }
@@ -279,6 +282,24 @@ impl<'a> Stage<'a> {
             h *= 0.5;
         }
         Err(SimError::Diverged(self.steps))
+    }
+
+    /// Newton steps, one if that is enough: another where cloth stretches beyond its limit.
+    ///
+    /// Gives the touches of the first, or nothing if no step was finite.
+    fn newton(&mut self, way: (&[DVec3], &[DVec3]), h: f64, rounds: usize) -> Option<Vec<Touch>> {
+        let first = self.touches(h);
+        let moves = self.solve(way, &first, h)?;
+        self.go(moves);
+        for _ in 1..rounds {
+            if quality::excess(self.weave, &self.x) < BEYOND {
+                break;
+            }
+            let touches = self.touches(h);
+            let moves = self.solve(way, &touches, h)?;
+            self.go(moves);
+        }
+        Some(first)
     }
 
     /// One step from rest to rest.
@@ -292,10 +313,11 @@ impl<'a> Stage<'a> {
             ((x[i] - from[i]) * (pace.keep / h)).clamp_length_max(pace.top_speed)
         });
         let old = std::mem::take(&mut self.v);
+        let near = &self.weave.pattern.near;
         self.v = if pace.smooth {
-            smooth(raw, &self.weave.pattern.near)
+            (0..SMOOTHINGS).fold(raw, |v, _| smoother(&v, near, 1.0))
         } else {
-            raw
+            smoother(&raw, near, (h / RUB).min(1.0))
         };
         if !pace.smooth {
             for touch in touches.iter().filter(|t| t.face.is_none()) {
@@ -506,6 +528,11 @@ fn most_apart(a: &[DVec3], b: &[DVec3]) -> f64 {
     apart.fold(0.0, f64::max).sqrt()
 }
 
+/// Newton steps at most in a step of moving cloth, and the stretch beyond the limit that asks for
+/// another.
+const ROUNDS: usize = 4;
+const BEYOND: f64 = 0.008;
+
 /// Stiffness of skin [N/m] per touching vertex.
 const BODY_STIFFNESS: f64 = 400.0;
 /// Stiffness of cloth against cloth [N/m] per touching pair.
@@ -522,19 +549,18 @@ const SAMPLES: [[f64; 3]; 4] = [
     [0.5, 0.0, 0.5],
 ];
 
-/// The mean of each velocity and its neighbours', a few times over.
+/// Each velocity, led by `share` to the mean of its own and its neighbours'.
 ///
 /// Stands for the air and the rubbing yarns, which calm a ripple far sooner than a swing; and it
 /// takes out what one Newton step leaves unsolved between neighbours.
-fn smooth(mut v: Vec<DVec3>, near: &Rows) -> Vec<DVec3> {
-    for _ in 0..SMOOTHINGS {
-        let mean = |i: usize| {
-            let row = near.row(i);
-            row.iter().map(|&j| v[j as usize]).sum::<DVec3>() / row.len() as f64
-        };
-        v = ordered::map(v.len(), mean);
-    }
-    v
+fn smoother(v: &[DVec3], near: &Rows, share: f64) -> Vec<DVec3> {
+    ordered::map(v.len(), |i| {
+        let row = near.row(i);
+        let mean = row.iter().map(|&j| v[j as usize]).sum::<DVec3>() / row.len() as f64;
+        v[i].lerp(mean, share)
+    })
 }
 
 const SMOOTHINGS: usize = 3;
+/// Time in which yarns that rub calm a ripple of the size of the mesh [s].
+const RUB: f64 = 0.015;
