@@ -145,7 +145,3 @@ pub(crate) fn body_intersections(weave: &Weave, x: &[DVec3], skin: &Surface) -> 
     };
     intersecting_pairs(&cloth, &body)
 }
-/// x
-pub(crate) fn worst_face_at(weave: &Weave, verts: &[DVec3], f: usize) -> f64 {
-    largest(&weave.patches[f].rest.deformation(&weave.corners(verts, f)))
-}
