@@ -69,7 +69,7 @@ impl Pace {
             keep,
             top_speed: SPEED,
             smooth: true,
-            rounds: 1,
+            rounds: 3,
         }
     }
 }

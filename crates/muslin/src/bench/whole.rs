@@ -122,9 +122,11 @@ pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
         for (name, result, seconds) in tried {
             tally.add(&name, result, seconds);
         }
-        eprintln!();
-        table.row(tally.row(garment));
-        words.push(tally.words(garment));
+        let row = tally.row(garment);
+        let said = tally.words(garment);
+        eprintln!("\n{}\n{said}", row.join("  "));
+        table.row(row);
+        words.push(said);
     }
     Ok(format!(
         "{}\n{}\n{}",
