@@ -1,5 +1,6 @@
 //! The avatar: everything a body is made from, before anybody is chosen.
 
+use crate::stature::Stature;
 use crate::{Blend, BodyError, Rig, Sparse, decode, groups, names};
 use glam::DVec3;
 use std::ops::Range;
@@ -83,7 +84,7 @@ pub struct Avatar {
     collision_faces: Vec<[u32; 3]>,
     tights_faces: Vec<[u32; 3]>,
     skirt_faces: Vec<[u32; 3]>,
-    pub(crate) stature: Vec<u32>,
+    pub(crate) stature: Stature,
 }
 
 /// A mesh whose vertices have one place each in the picture of the skin.
@@ -117,7 +118,7 @@ impl Avatar {
             collision_faces: split.triangles(&groups::collision_quads(&parts)),
             tights_faces: split.triangles(groups::quads_of(&parts, Part::Tights)),
             skirt_faces: split.triangles(groups::quads_of(&parts, Part::Skirt)),
-            stature: groups::stature(&parts),
+            stature: Stature::new(&parts),
             body_faces,
             body_face_uvs,
             parts,
@@ -237,12 +238,18 @@ impl Avatar {
 
     /// The slider called `name`, and −1 when `name` is that of its lower end, else 1.
     pub fn target(&self, name: &str) -> Result<(&Target, f64), BodyError> {
-        let is = |t: &&Target| t.name == name || t.label() == name;
-        if let Some(t) = self.parts.targets.iter().find(is) {
+        let (index, sense) = self.target_index(name)?;
+        Ok((&self.parts.targets[index], sense))
+    }
+
+    /// The same, as an index into [`Avatar::targets`].
+    pub(crate) fn target_index(&self, name: &str) -> Result<(usize, f64), BodyError> {
+        let is = |t: &Target| t.name == name || t.label() == name;
+        if let Some(t) = self.parts.targets.iter().position(is) {
             return Ok((t, 1.0));
         }
-        let lower = |t: &&Target| t.opposite.as_deref() == Some(name);
-        if let Some(t) = self.parts.targets.iter().find(lower) {
+        let lower = |t: &Target| t.opposite.as_deref() == Some(name);
+        if let Some(t) = self.parts.targets.iter().position(lower) {
             return Ok((t, -1.0));
         }
         let known = self.parts.targets.iter().map(Target::label);

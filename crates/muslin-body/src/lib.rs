@@ -36,6 +36,7 @@ mod shape;
 mod solve;
 mod sparse;
 mod stances;
+mod stature;
 
 pub use asset::{decode, encode};
 pub use avatar::{Avatar, AvatarParts, Part, PartCounts, Target, Unwelded};

@@ -1,5 +1,6 @@
 //! A figure's measures: what a scale, a stadiometer and a tape would say.
 
+use crate::stature::span;
 use crate::{Avatar, BodyError, Figure, Part, Shape};
 use glam::{DVec2, DVec3};
 
@@ -57,7 +58,12 @@ impl Avatar {
 
     /// Crown to sole [m].
     pub fn height(&self, figure: &Figure) -> f64 {
-        span(self.stature.iter().map(|&i| figure.verts[i as usize]))
+        span(
+            self.stature
+                .points
+                .iter()
+                .map(|&i| figure.verts[i as usize].y),
+        )
     }
 
     /// Inside the closed skin [m³], by the divergence theorem.
@@ -180,11 +186,6 @@ fn enclosed(verts: &[DVec3], faces: &[[u32; 3]]) -> f64 {
         a.dot(b.cross(c))
     });
     six.sum::<f64>() / 6.0
-}
-
-pub(crate) fn span(at: impl Iterator<Item = DVec3>) -> f64 {
-    let (low, high) = at.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v.y), h.max(v.y)));
-    high - low
 }
 
 fn lowest(at: &[DVec3]) -> f64 {

@@ -1,9 +1,8 @@
 //! A shape that has exactly this height or this mass.
 
-use crate::measure::span;
 use crate::shape::{HEIGHT, MUSCLE, WEIGHT};
+use crate::stature::span;
 use crate::{Avatar, BodyError, DENSITY, Shape};
-use glam::DVec3;
 
 /// Sliders that make a body stouter than the phenotypes can.
 const STOUT: [&str; 6] = [
@@ -19,7 +18,7 @@ impl Avatar {
     /// How tall `shape` is [m]; much faster than making the figure.
     pub fn height_of(&self, shape: &Shape) -> Result<f64, BodyError> {
         shape.check()?;
-        Ok(span(self.points_at(shape, &self.stature)?.into_iter()))
+        Ok(span(self.stature_at(shape)?.into_iter()))
     }
 
     /// How much `shape` weighs [kg].
@@ -35,10 +34,10 @@ impl Shape {
     /// more than two shapes need evaluating.
     pub fn with_height(&self, avatar: &Avatar, metres: f64) -> Result<Shape, BodyError> {
         self.check()?;
-        let ends = [0.0, 1.0].map(|h| avatar.points_at(&self.set(HEIGHT, h), &avatar.stature));
+        let ends = [0.0, 1.0].map(|h| avatar.stature_at(&self.set(HEIGHT, h)));
         let [short, tall] = ends;
         let (short, tall) = (short?, tall?);
-        let at = |h: f64| span(short.iter().zip(&tall).map(|(a, b)| DVec3::lerp(*a, *b, h)));
+        let at = |h: f64| span(short.iter().zip(&tall).map(|(a, b)| a + h * (b - a)));
         let h = solve(metres, 1e-6, |h| Ok(at(h)))?;
         let reached = |(least, most)| BodyError::HeightOutOfReach {
             asked: metres,
