@@ -183,9 +183,10 @@ impl Stand {
             let share = ((none - gap) / (none - all)).clamp(0.0, 1.0);
             let lift =
                 |[side, k]: [usize; 2]| up.dot(self.markers[FEET[side][k]] - self.soles[side][k]);
+            let [foot, other] = [high, low].map(|[side, k]| FEET[side][k]);
             (share > 0.0).then(|| Step {
-                up,
-                markers: [high, low].map(|[side, k]| FEET[side][k]),
+                along: up,
+                ends: vec![(foot, 1.0), (other, -1.0)],
                 apart: lift(high) - lift(low),
                 spread: FLOOR_SPREAD / share,
             })
@@ -194,25 +195,28 @@ impl Stand {
     }
 }
 
-/// That one point of the feet is as low as another.
-#[derive(Debug, Clone, Copy)]
+/// That a mean of markers is where somebody at ease has it, along some direction: one point of
+/// the feet as low as another, shoulders over hips.
+#[derive(Debug, Clone)]
 pub struct Step {
-    up: DVec3,
-    /// The higher and the lower of them.
-    markers: [usize; 2],
-    /// How much higher the first marker is when both soles are level [m].
-    apart: f64,
-    spread: f64,
+    /// Direction, in the camera's frame.
+    pub along: DVec3,
+    /// Markers and their weights, which sum to zero.
+    pub ends: Vec<(usize, f64)>,
+    /// What `along · Σ w x` is then [m].
+    pub apart: f64,
+    /// One standard deviation [m].
+    pub spread: f64,
 }
 
 impl Step {
     /// What is left to do.
     pub fn tie(&self, placed: &Placed) -> Tie {
-        let [a, b] = self.markers;
-        let gap = self.up.dot(placed.markers[a] - placed.markers[b]) - self.apart;
+        let line: DVec3 = self.ends.iter().map(|&(k, w)| w * placed.markers[k]).sum();
+        let gap = self.along.dot(line) - self.apart;
         Tie {
-            ends: vec![(a, 1.0), (b, -1.0)],
-            along: self.up,
+            ends: self.ends.clone(),
+            along: self.along,
             miss: gap / self.spread,
             spread: self.spread,
         }

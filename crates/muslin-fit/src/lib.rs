@@ -19,6 +19,7 @@ mod start;
 mod system;
 mod touch;
 pub mod trial;
+mod upright;
 
 pub use camera::Camera;
 pub use error::FitError;

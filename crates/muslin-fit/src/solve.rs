@@ -12,6 +12,7 @@ use crate::joint::Habit;
 use crate::problem::{Problem, Trust, stature};
 use crate::start::Start;
 use crate::touch::Touch;
+use crate::upright::upright;
 use crate::{doubts, place};
 use glam::DVec3;
 use muslin_body::{Avatar, Keypoints, Pose, Shape};
@@ -278,12 +279,15 @@ impl<'a> Fitter<'a> {
         }
     }
 
-    /// Brings a foot that is near the floor down to it.
+    /// Brings a foot that is near the floor down to it, and a trunk that is nearly upright up.
     fn set_down(&self, problem: &mut Problem, at: Descent) -> Descent {
         let features = problem.shapes.features(&at.guess.shape);
         let placed = Placed::new(&self.folded, &features, &at.guess);
         let stand = Stand::new(&self.folded, &features, &placed);
-        problem.steps = stand.steps(stand.up());
+        let up = stand.up();
+        problem.steps = stand.steps(up);
+        let ease = upright(&self.folded, &features, &placed, up);
+        problem.steps.extend(ease);
         if problem.steps.is_empty() {
             return Descent { steps: 0, ..at };
         }
