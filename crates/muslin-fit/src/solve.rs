@@ -82,6 +82,10 @@ const LENGTHS: [(&str, f64); 7] = [
 
 /// Where the height stands among the phenotypes.
 const HEIGHT: usize = 4;
+/// And the weight.
+const WEIGHT: usize = 3;
+/// How far off a mass may be [kg].
+const MASS_OFF: f64 = 0.005;
 
 /// What the spreads of a leg's joints shrink to where its foot is not seen at all.
 const RESTS: [(&str, f64); 3] = [("hip", 0.5), ("knee", 0.15), ("ankle", 0.2)];
@@ -184,12 +188,45 @@ impl<'a> Fitter<'a> {
 
     /// `shape` with the height and mass that are given.
     fn exactly(&self, shape: Shape, options: &FitOptions) -> Result<Shape, FitError> {
-        Ok(match (options.height_m, options.weight_kg) {
-            (Some(m), Some(kg)) => shape.with_height_and_mass(self.avatar, m, kg)?,
-            (Some(m), None) => self.of_height(shape, m)?,
-            (None, Some(kg)) => shape.with_mass(self.avatar, kg)?,
-            (None, None) => shape,
-        })
+        let Some(kg) = options.weight_kg else {
+            return match options.height_m {
+                Some(m) => self.of_height(shape, m),
+                None => Ok(shape),
+            };
+        };
+        let metres = match options.height_m {
+            Some(m) => m,
+            None => self.avatar.height_of(&shape)?,
+        };
+        match self.of_mass(&shape, metres, kg)? {
+            Some(met) => Ok(met),
+            None => Ok(shape.with_height_and_mass(self.avatar, metres, kg)?),
+        }
+    }
+
+    /// `shape` with this height and mass [m, kg] by its weight phenotype alone, if a few secants
+    /// get there: a mass costs milliseconds.
+    fn of_mass(&self, shape: &Shape, metres: f64, kg: f64) -> Result<Option<Shape>, FitError> {
+        let mut met = self.of_height(shape.clone(), metres)?;
+        let mut missing = kg - self.avatar.mass_of(&met)?;
+        // From thin to heavy a mass about doubles.
+        let mut slope = kg;
+        for _ in 0..5 {
+            if missing.abs() < MASS_OFF {
+                return Ok(Some(met));
+            }
+            let mut next = met.clone();
+            next.phenotypes[WEIGHT] = (met.phenotypes[WEIGHT] + missing / slope).clamp(0.0, 1.0);
+            let step = next.phenotypes[WEIGHT] - met.phenotypes[WEIGHT];
+            if step == 0.0 {
+                return Ok(None);
+            }
+            met = self.of_height(next, metres)?;
+            let still = kg - self.avatar.mass_of(&met)?;
+            slope = (missing - still) / step;
+            missing = still;
+        }
+        Ok((missing.abs() < MASS_OFF).then_some(met))
     }
 
     /// `shape` made `metres` tall. Heights are linear in the height phenotype while crown and
