@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use muslin::{Backdrop, Cut, DressOptions, Person, Wear};
+use muslin::{Backdrop, Cut, DressOptions, Person, SimulateOptions, Wear};
 
 /// Dresses any body in moving cloth: from a photo to a 3D figure wearing draped garments.
 #[derive(Debug, Parser)]
@@ -21,7 +21,9 @@ pub enum Verb {
     Dress(Dress),
     /// Dress the person in a built-in photo; needs no file.
     Demo(Demo),
-    /// Show what there is: garments, fabrics or poses.
+    /// Move an outfit on a moving body: an animation of cloth.
+    Simulate(Simulate),
+    /// Show what there is: garments, fabrics, poses or motions.
     List {
         /// What to list.
         what: Kind,
@@ -60,9 +62,29 @@ pub struct Demo {
 /// What `dress` and `demo` share.
 #[derive(Debug, Args)]
 pub struct Common {
+    /// Who wears what.
+    #[command(flatten)]
+    pub wearing: Wearing,
+    /// Whom to dress when there are several: a number from 1 (the largest), or `all`.
+    #[arg(long, value_parser = person)]
+    pub person: Option<Person>,
+    /// Also draw the fitted body over the photo (overlay.png).
+    #[arg(long)]
+    pub overlay: bool,
+    /// Folder for the results.
+    #[arg(short, long, default_value = "out")]
+    pub out: PathBuf,
+    /// How it is told.
+    #[command(flatten)]
+    pub telling: Telling,
+}
+
+/// A body and its clothes.
+#[derive(Debug, Args)]
+pub struct Wearing {
     /// Garment, or GARMENT:FABRIC; innermost first, repeated or comma-separated
-    /// [default: trousers,tee].
-    #[arg(long, value_delimiter = ',')]
+    /// [default: trousers,tee; a tee for `simulate`].
+    #[arg(long, visible_alias = "outfit", value_delimiter = ',')]
     pub garment: Vec<String>,
     /// Fabric of every garment that names none (see `muslin list fabrics`).
     #[arg(long)]
@@ -76,9 +98,6 @@ pub struct Common {
     /// From 0 (female) to 1 (male) on the body's own scale.
     #[arg(long)]
     pub gender: Option<f64>,
-    /// Whom to dress when there are several: a number from 1 (the largest), or `all`.
-    #[arg(long, value_parser = person)]
-    pub person: Option<Person>,
     /// How loosely the garments are cut.
     #[arg(long, value_enum, default_value_t = CutName::Regular)]
     pub cut: CutName,
@@ -88,21 +107,76 @@ pub struct Common {
     /// Write the result even if the cloth crosses itself somewhere.
     #[arg(long)]
     pub allow_crossings: bool,
-    /// Also draw the fitted body over the photo (overlay.png).
-    #[arg(long)]
-    pub overlay: bool,
     /// What lies behind the figure.
     #[arg(long, value_enum, default_value_t = BackdropName::Studio)]
     pub backdrop: BackdropName,
-    /// Folder for the results.
-    #[arg(short, long, default_value = "out")]
-    pub out: PathBuf,
+}
+
+/// What a job prints.
+#[derive(Debug, Args)]
+pub struct Telling {
     /// Print the report on standard output instead of the table.
     #[arg(long)]
     pub json: bool,
     /// No progress on standard error.
     #[arg(short, long)]
     pub quiet: bool,
+}
+
+/// Options of `simulate`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  muslin simulate -o walk.glb
+  muslin simulate --motion dance.bvh --start 2 --seconds 4 --outfit tee,trousers:denim -o dance.glb
+  muslin simulate --motion spin --npz spin.npz -o spin.glb && muslin evaluate spin.npz
+
+What is done is kept in OUT.part; after Ctrl-C or a crash the same command with --resume goes on
+from there, to the same bits. OUT.report.json says how good the result is.")]
+pub struct Simulate {
+    /// The body.
+    #[arg(long, value_enum, default_value_t = BodyName::Anny)]
+    pub body: BodyName,
+    /// A built-in motion (see `muslin list motions`), or a file: BVH, or NPZ with poses.
+    #[arg(long, default_value = "walk", value_name = "NAME|FILE")]
+    pub motion: String,
+    /// Who wears what.
+    #[command(flatten)]
+    pub wearing: Wearing,
+    /// The animation, a .glb file.
+    #[arg(short, long, default_value = "walk.glb")]
+    pub out: PathBuf,
+    /// Also write arrays in the exchange layout; with several garments FILE.GARMENT.npz each.
+    #[arg(long, value_name = "FILE.npz")]
+    pub npz: Option<PathBuf>,
+    /// Also write a point cache and an OBJ of every garment and of the body into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub pc2: Option<PathBuf>,
+    /// Also draw the last frame (OUT.png) and a film (OUT.film.png, animated).
+    #[arg(long)]
+    pub picture: bool,
+    /// Frames a second, 12 to 240.
+    #[arg(long, default_value_t = 60.0)]
+    pub fps: f64,
+    /// How much of the motion [s] [default: all].
+    #[arg(long)]
+    pub seconds: Option<f64>,
+    /// Where in the motion to start [s].
+    #[arg(long, default_value_t = 0.0)]
+    pub start: f64,
+    /// Go on with a simulation that was stopped.
+    #[arg(long)]
+    pub resume: bool,
+    /// How it is told.
+    #[command(flatten)]
+    pub telling: Telling,
+}
+
+/// Bodies that can be simulated on.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum BodyName {
+    /// The embedded body.
+    Anny,
 }
 
 /// Options of `evaluate`.
@@ -144,6 +218,8 @@ pub enum Kind {
     Fabrics,
     /// Built-in poses.
     Poses,
+    /// Built-in motions.
+    Motions,
 }
 
 /// What `bench` can measure.
@@ -186,11 +262,39 @@ pub enum BackdropName {
 impl Common {
     /// The same in the library's words.
     pub fn options(&self) -> DressOptions {
+        DressOptions {
+            person: self.person.unwrap_or(Person::Largest),
+            overlay: self.overlay,
+            ..self.wearing.options(DressOptions::default())
+        }
+    }
+}
+
+impl Simulate {
+    /// The same in the library's words.
+    pub fn options(&self) -> SimulateOptions {
+        let BodyName::Anny = self.body;
+        SimulateOptions {
+            dress: self.wearing.options(SimulateOptions::default().dress),
+            motion: self.motion.clone(),
+            fps: self.fps,
+            seconds: self.seconds,
+            start: self.start,
+            resume: self.resume,
+            picture: self.picture,
+            npz: self.npz.clone(),
+            pc2: self.pc2.clone(),
+        }
+    }
+}
+
+impl Wearing {
+    /// The same in the library's words; what is not asked for is as in `usual`.
+    fn options(&self, usual: DressOptions) -> DressOptions {
         let mut options = DressOptions {
             height: self.height.map(|cm| cm / 100.0),
             weight: self.weight,
             gender: self.gender,
-            person: self.person.unwrap_or(Person::Largest),
             cut: match self.cut {
                 CutName::Slim => Cut::Slim,
                 CutName::Regular => Cut::Regular,
@@ -198,13 +302,12 @@ impl Common {
             },
             edge: self.edge / 1000.0,
             allow_crossings: self.allow_crossings,
-            overlay: self.overlay,
             backdrop: match self.backdrop {
                 BackdropName::Studio => Backdrop::Studio,
                 BackdropName::White => Backdrop::White,
                 BackdropName::Transparent => Backdrop::Transparent,
             },
-            ..DressOptions::default()
+            ..usual
         };
         if !self.garment.is_empty() {
             options.outfit = self.garment.iter().map(|g| Wear::parse(g)).collect();

@@ -1,14 +1,15 @@
 //! Runs a verb and shows how it goes: progress and errors to stderr, results to stdout.
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 use muslin::{Exit, Failure, Outcome, Watch};
 
-use crate::args::{Bench, BenchKind, Common, Evaluate, Kind, Verb};
+use crate::args::{Bench, BenchKind, Common, Evaluate, Kind, Simulate, Telling, Verb};
 
 /// Does what the verb says.
 pub fn run(verb: &Verb) -> Result<(), Failure> {
@@ -22,6 +23,7 @@ pub fn run(verb: &Verb) -> Result<(), Failure> {
             }),
         },
         Verb::Demo(d) => job(&d.common, muslin::demo),
+        Verb::Simulate(s) => simulate(s),
         Verb::List { what, json } => list(*what, *json),
         Verb::Evaluate(e) => evaluate(e),
         Verb::Bench(b) => bench(b),
@@ -34,21 +36,91 @@ fn job(
     common: &Common,
     dress: impl FnOnce(&Path, &Options, &mut Watch) -> Result<Outcome, Failure>,
 ) -> Result<(), Failure> {
+    watched(&common.telling, |watch| {
+        dress(&common.out, &common.options(), watch)
+    })
+}
+
+fn simulate(s: &Simulate) -> Result<(), Failure> {
+    watched(&s.telling, |watch| {
+        muslin::simulate(&s.out, &s.options(), watch)
+    })
+}
+
+/// Does a job, tells how it goes, and prints what came out.
+fn watched(
+    telling: &Telling,
+    job: impl FnOnce(&mut Watch) -> Result<Outcome, Failure>,
+) -> Result<(), Failure> {
     let flag = stop_flag()?;
-    let quiet = common.quiet;
+    let quiet = telling.quiet;
+    let line = Mutex::new(LiveLine::new());
+    let line = || line.lock().expect("nobody panics while telling");
     let tell = |s: &muslin::Stage| {
         if !quiet {
             let head = format!("[{}/{}] {:<7} {}", s.number, s.of, s.name, s.result);
-            eprintln!("  {head:<68} {:>6.2} s", s.seconds);
+            line().print(&format!("  {head:<68} {:>6.2} s", s.seconds));
         }
     };
-    let mut watch = Watch::new(tell, |w| eprintln!("warning: {w}")).stopping_at(&flag);
-    let outcome = dress(&common.out, &common.options(), &mut watch)?;
-    print(&if common.json {
-        outcome.json
+    let follow = |text: &str| {
+        if !quiet {
+            line().update(text);
+        }
+    };
+    let warn = |w: &str| line().print(&format!("warning: {w}"));
+    let mut watch = Watch::new(tell, warn).following(follow).stopping_at(&flag);
+    let result = job(&mut watch);
+    drop(watch);
+    line().clear();
+    let outcome = result?;
+    print(if telling.json {
+        &outcome.json
     } else {
-        outcome.table
+        &outcome.table
     })
+}
+
+/// The last line of a terminal, which changes in place; elsewhere a line every five seconds.
+struct LiveLine {
+    is_terminal: bool,
+    told: Instant,
+    is_shown: bool,
+}
+
+/// How often the line changes: on a terminal, and elsewhere.
+const EVERY: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(5)];
+
+impl LiveLine {
+    fn new() -> Self {
+        Self {
+            is_terminal: std::io::stderr().is_terminal(),
+            told: Instant::now(),
+            is_shown: false,
+        }
+    }
+
+    fn update(&mut self, text: &str) {
+        if self.told.elapsed() < EVERY[usize::from(!self.is_terminal)] {
+            return;
+        }
+        self.told = Instant::now();
+        match self.is_terminal {
+            true => eprint!("\r        {text}\x1b[K"),
+            false => eprintln!("        {text}"),
+        }
+        self.is_shown = self.is_terminal;
+    }
+
+    fn clear(&mut self) {
+        if std::mem::take(&mut self.is_shown) {
+            eprint!("\r\x1b[K");
+        }
+    }
+
+    fn print(&mut self, text: &str) {
+        self.clear();
+        eprintln!("{text}");
+    }
 }
 
 fn list(what: Kind, json: bool) -> Result<(), Failure> {
@@ -56,13 +128,18 @@ fn list(what: Kind, json: bool) -> Result<(), Failure> {
         Kind::Garments => muslin::list::garments(),
         Kind::Fabrics => muslin::list::fabrics(),
         Kind::Poses => muslin::list::poses(),
+        Kind::Motions => muslin::list::motions(),
     };
     print(&if json { table.json() } else { table.text() })
 }
 
 fn evaluate(e: &Evaluate) -> Result<(), Failure> {
     let outcome = muslin::evaluate_file(&e.file, e.against.as_deref(), e.out.as_deref())?;
-    print(if e.json { &outcome.json } else { &outcome.table })
+    print(if e.json {
+        &outcome.json
+    } else {
+        &outcome.table
+    })
 }
 
 fn bench(bench: &Bench) -> Result<(), Failure> {

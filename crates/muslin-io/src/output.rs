@@ -208,7 +208,7 @@ fn plain(name: &str) -> Result<&str, IoError> {
 }
 
 /// The system's refusal to write `size` bytes at `path`.
-fn unwritable(path: &Path, size: u64, err: &io::Error) -> IoError {
+pub(crate) fn unwritable(path: &Path, size: u64, err: &io::Error) -> IoError {
     let fault = |code, what, hint: String| {
         Fault::new(code, error::name(path), what)
             .hint(hint)

@@ -1,10 +1,10 @@
 //! From an outfit and a body to cloth at rest: arrays for the solver, and a verdict on its answer.
 
 use glam::DVec3;
-use muslin_body::Avatar;
+use muslin_body::{Avatar, Figure};
 use muslin_energy::{hinge::Bend, membrane::Stretch};
 use muslin_garment::{Fabric, Worn};
-use muslin_geom::{Drape, Part};
+use muslin_geom::Drape;
 use muslin_sim::{Cloth, Material, Options, Settled, drape, stretch};
 
 use crate::failure::{Exit, Failure};
@@ -32,7 +32,7 @@ pub struct Quality {
 }
 
 /// Allowed above a fabric's strain limit.
-const BEYOND_LIMIT: f64 = 0.01;
+pub(crate) const BEYOND_LIMIT: f64 = 0.01;
 
 /// Largest turn of a joint in one step on the way to the pose [rad].
 const TURN: f64 = 0.06;
@@ -77,7 +77,7 @@ impl Quality {
 
 /// Drapes an outfit on somebody: from the rest pose along a short way into the pose, then to rest.
 pub fn drape_outfit(avatar: &Avatar, outfit: &Outfit, sitter: &Sitter) -> Result<Dressed, Failure> {
-    let worn = put_on(avatar, outfit, sitter)?;
+    let worn = put_on(avatar, outfit, &sitter.figure)?;
     let cloth = cloth(outfit, &worn);
     let start: Vec<DVec3> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
     let path = sitter.path(avatar, TURN);
@@ -88,13 +88,18 @@ pub fn drape_outfit(avatar: &Avatar, outfit: &Outfit, sitter: &Sitter) -> Result
 }
 
 /// Every garment around the body's rest pose, outside of those under it.
-fn put_on(avatar: &Avatar, outfit: &Outfit, sitter: &Sitter) -> Result<Vec<Worn>, Failure> {
+pub(crate) fn put_on(
+    avatar: &Avatar,
+    outfit: &Outfit,
+    figure: &Figure,
+) -> Result<Vec<Worn>, Failure> {
     let garments = outfit.pieces.iter().map(|p| p.garment.clone()).collect();
-    let worn = muslin_garment::Outfit { garments }.worn(avatar, &sitter.figure);
+    let worn = muslin_garment::Outfit { garments }.worn(avatar, figure);
     worn.map_err(|e| Failure::new(Exit::Invalid, "garment", e.to_string()))
 }
 
-fn cloth(outfit: &Outfit, worn: &[Worn]) -> Cloth {
+/// The outfit as the solver's arrays.
+pub(crate) fn cloth(outfit: &Outfit, worn: &[Worn]) -> Cloth {
     let mut cloth = Cloth::default();
     for (k, (piece, w)) in outfit.pieces.iter().zip(worn).enumerate() {
         let first = cloth.layers.len() as u32;
@@ -138,21 +143,10 @@ fn material(fabric: &Fabric) -> Material {
 
 fn finish(outfit: &Outfit, cloth: &Cloth, settled: Settled) -> Dressed {
     let mut drape = Drape {
+        parts: outfit.parts(),
         faces: cloth.faces.clone(),
-        fps: 0.0,
         ..Drape::default()
     };
-    let (mut vert, mut face) = (0, 0);
-    for piece in &outfit.pieces {
-        let (v, f) = (piece.garment.n_verts(), piece.garment.faces.len());
-        let name = piece.garment.name.clone();
-        drape.parts.push(Part {
-            name,
-            verts: vert..vert + v,
-            faces: face..face + f,
-        });
-        (vert, face) = (vert + v, face + f);
-    }
     let all = stretch(&cloth.faces, &cloth.rest, &settled.verts);
     let per_part = drape.parts.iter().zip(&outfit.pieces).map(|(part, piece)| {
         (
@@ -165,15 +159,12 @@ fn finish(outfit: &Outfit, cloth: &Cloth, settled: Settled) -> Dressed {
         settled: settled.clone(),
     };
     drape.frames.push(settled.verts);
-    let uv = outfit
-        .pieces
-        .iter()
-        .flat_map(|p| p.garment.uv.iter().copied())
-        .collect();
+    let uv = outfit.uv();
     Dressed { drape, uv, quality }
 }
 
-fn percentile_99(mut values: Vec<f64>) -> f64 {
+/// The value that 99 % stay below; zero of none.
+pub(crate) fn percentile_99(mut values: Vec<f64>) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
     let at = (values.len().saturating_sub(1) as f64 * 0.99).round() as usize;
     values.get(at).copied().unwrap_or(0.0)

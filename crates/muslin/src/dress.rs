@@ -90,7 +90,7 @@ pub fn dress_pose(
 }
 
 /// The average body with what the options say of it.
-fn asked_shape(avatar: &Avatar, options: &DressOptions) -> Result<Shape, Failure> {
+pub(crate) fn asked_shape(avatar: &Avatar, options: &DressOptions) -> Result<Shape, Failure> {
     let shape = expected(options)?;
     let shape = match (options.height, options.weight) {
         (Some(m), Some(kg)) => shape.with_height_and_mass(avatar, m, kg),
@@ -311,7 +311,11 @@ impl<'a, 'w> Job<'a, 'w> {
         let figure = files::scene(who, outfit, dressed);
         files::check_stored(self.avatar, &figure)?;
         let file = glb(&figure, &muslin_io::GlbOptions::default());
-        let scene = look::scene(who, outfit, dressed, self.options.backdrop);
+        let scene = {
+            let cloth = &dressed.drape.frames[0];
+            let who = (self.avatar, sitter.posed.verts.as_slice());
+            look::scene(who, outfit, cloth, self.options.backdrop)
+        };
         let stage = look::stage(&scene);
         let (turning, front) = rayon::join(
             || animated_png(&look::turning(&stage), look::FRAME_MS),

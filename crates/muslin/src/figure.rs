@@ -14,13 +14,21 @@ pub struct Sitter {
     pub pose: Pose,
     /// The body in that pose.
     pub posed: Posed,
+    /// By how much the upper arms were turned to make room for cloth at most [rad].
+    pub arms_turned: f64,
 }
+
+/// Room that hands and forearms leave for cloth [m].
+const ROOM: f64 = 0.012;
 
 impl Sitter {
     /// Somebody of this shape in this pose.
     pub fn new(avatar: &Avatar, shape: &Shape, mut pose: Pose) -> Result<Self, Failure> {
         let figure = avatar.figure(shape).map_err(|e| body_failure(&e))?;
         pose.relax_hands(avatar, &figure)
+            .map_err(|e| body_failure(&e))?;
+        let arms_turned = pose
+            .make_room(avatar, &figure, ROOM)
             .map_err(|e| body_failure(&e))?;
         let posed = avatar.pose(&figure, &pose);
         if posed.verts.iter().any(|v| !v.is_finite()) {
@@ -34,6 +42,7 @@ impl Sitter {
             figure,
             pose,
             posed,
+            arms_turned,
         })
     }
 

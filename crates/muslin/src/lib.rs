@@ -1,7 +1,8 @@
 //! The jobs as plain functions.
 //!
 //! [`dress`] takes a photo and writes a 3D figure wearing draped garments; [`demo`] does it on a
-//! built-in photo and [`dress_pose`] on a built-in stance. [`evaluate()`] judges animated cloth. [`list`] tells what there is, [`bench`]
+//! built-in photo and [`dress_pose`] on a built-in stance.
+//! [`simulate()`] moves an outfit on a moving body. [`evaluate()`] judges animated cloth. [`list`] tells what there is, [`bench`]
 //! measures it. Each job tells a [`Watch`] of its stages and fails with a [`Failure`].
 
 pub mod bench;
@@ -16,6 +17,7 @@ mod look;
 mod options;
 mod outcome;
 mod outfit;
+mod simulate;
 mod table;
 mod tell;
 mod watch;
@@ -28,5 +30,6 @@ pub use muslin_garment::Cut;
 pub use options::{Backdrop, DressOptions, Person, Wear};
 pub use outcome::Outcome;
 pub use outfit::{Outfit, Piece};
+pub use simulate::{SimulateOptions, simulate};
 pub use table::Table;
 pub use watch::{Stage, Watch};

@@ -1,6 +1,6 @@
-//! What there is: garments, fabrics, poses.
+//! What there is: garments, fabrics, poses, motions.
 
-use muslin_body::Pose;
+use muslin_body::{Pose, motions as built_in};
 use muslin_garment::Fabric;
 
 use crate::outfit::WARDROBE;
@@ -62,6 +62,15 @@ pub fn poses() -> Table {
     table
 }
 
+/// The built-in motions.
+pub fn motions() -> Table {
+    let mut table = Table::new(&["motion", "what it is"]);
+    for (name, says) in built_in::NAMES.iter().zip(built_in::SAYS) {
+        table.row([name, says]);
+    }
+    table
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -71,6 +80,7 @@ mod tests {
         assert!(garments().text().contains("tee"));
         assert!(fabrics().text().contains("cotton-jersey"));
         assert!(poses().text().contains("walk"));
+        assert!(motions().text().contains("cartwheel"));
         assert!(fabrics().json().contains("\"fabric\": \"denim\""));
     }
 }

@@ -10,7 +10,6 @@ use muslin_picture::{
     WeaveKind, overlay,
 };
 
-use crate::drape::Dressed;
 use crate::figure::Sitter;
 use crate::options::Backdrop;
 use crate::outfit::Outfit;
@@ -45,7 +44,7 @@ pub fn turning(stage: &Stage) -> Vec<Image> {
 }
 
 /// Where both pictures are taken from, `side` pixels a side.
-fn view(side: usize) -> View {
+pub fn view(side: usize) -> View {
     View {
         width: side,
         height: side,
@@ -57,7 +56,7 @@ fn view(side: usize) -> View {
 /// The fitted body laid over the photo it was fitted to.
 pub fn over_photo(avatar: &Avatar, sitter: &Sitter, eye: &Eye, photo: &Image) -> Image {
     let scene = Scene {
-        parts: vec![body(avatar, sitter)],
+        parts: vec![body(avatar, &sitter.posed.verts)],
         ..Scene::default()
     };
     let camera = Camera {
@@ -71,16 +70,19 @@ pub fn over_photo(avatar: &Avatar, sitter: &Sitter, eye: &Eye, photo: &Image) ->
 }
 
 /// Everything to be seen: the mannequin in its base layer, the garments, the floor.
+///
+/// `verts`: of the whole figure; `dressed`: of all garments [m].
 pub fn scene(
-    (avatar, sitter): (&Avatar, &Sitter),
+    (avatar, verts): (&Avatar, &[DVec3]),
     outfit: &Outfit,
-    dressed: &Dressed,
+    dressed: &[DVec3],
     backdrop: Backdrop,
 ) -> Scene {
-    let mut parts = vec![body(avatar, sitter)];
-    for (part, piece) in dressed.drape.parts.iter().zip(&outfit.pieces) {
-        let verts = dressed.drape.frames[0][part.verts.clone()].to_vec();
-        let uvs = dressed.uv[part.faces.clone()].to_vec();
+    let mut parts = vec![body(avatar, verts)];
+    let floor = lowest(&verts[avatar.part(Part::Body)]);
+    for (part, piece) in outfit.parts().iter().zip(&outfit.pieces) {
+        let verts = dressed[part.verts.clone()].to_vec();
+        let uvs = piece.garment.uv.clone();
         let faces = piece.garment.faces.clone();
         let cloth = Shown::new(verts, faces, cloth(&piece.fabric));
         parts.push(Shown {
@@ -93,17 +95,16 @@ pub fn scene(
         Backdrop::White => (true, Background::Plain([1.0; 3])),
         Backdrop::Transparent => (false, Background::Transparent),
     };
-    let lowest = lowest(&sitter.posed.verts[avatar.part(Part::Body)]);
     Scene {
         parts,
-        ground: ground.then(|| Ground::at(lowest)),
+        ground: ground.then(|| Ground::at(floor)),
         background,
     }
 }
 
-fn body(avatar: &Avatar, sitter: &Sitter) -> Shown {
+fn body(avatar: &Avatar, verts: &[DVec3]) -> Shown {
     let n = avatar.part(Part::Eyes).end;
-    let verts = sitter.posed.verts[..n].to_vec();
+    let verts = verts[..n].to_vec();
     let mut field = avatar.base_layer();
     field.truncate(n);
     let layer = Layer {
@@ -117,7 +118,8 @@ fn body(avatar: &Avatar, sitter: &Sitter) -> Shown {
     }
 }
 
-fn lowest(verts: &[DVec3]) -> f64 {
+/// The lowest of points [m].
+pub fn lowest(verts: &[DVec3]) -> f64 {
     verts.iter().map(|v| v.y).fold(f64::INFINITY, f64::min)
 }
 

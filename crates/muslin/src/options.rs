@@ -109,7 +109,8 @@ impl DressOptions {
     }
 }
 
-fn within(
+/// Refuses a value outside the range; `name` is the option's.
+pub(crate) fn within(
     name: &str,
     unit: &str,
     value: Option<f64>,

@@ -1,7 +1,9 @@
 //! From names to clothes: what is in the wardrobe, and how an outfit is put together.
 
+use glam::DVec2;
 use muslin_body::{Avatar, names};
 use muslin_garment::{Fabric, Garment, Recipe, Tee, Trousers};
+use muslin_geom::Part;
 
 use rayon::prelude::*;
 
@@ -116,6 +118,25 @@ impl Outfit {
             .flat_map(|p| p.fabric.warnings())
             .for_each(|w| warn(&w));
         Ok(Self { pieces })
+    }
+
+    /// Each garment's share of the vertices and triangles of all.
+    pub fn parts(&self) -> Vec<Part> {
+        let (mut vert, mut face) = (0, 0);
+        let part = |piece: &Piece| {
+            let (v, f) = (piece.garment.n_verts(), piece.garment.faces.len());
+            let (verts, faces) = (vert..vert + v, face..face + f);
+            (vert, face) = (verts.end, faces.end);
+            let name = piece.garment.name.clone();
+            Part { name, verts, faces }
+        };
+        self.pieces.iter().map(part).collect()
+    }
+
+    /// Pattern coordinates of every face's corners [m], x weft, y warp.
+    pub fn uv(&self) -> Vec<[DVec2; 3]> {
+        let all = self.pieces.iter().flat_map(|p| p.garment.uv.iter());
+        all.copied().collect()
     }
 
     /// Whether every fabric has a strain limit, so that a stretch figure counts.

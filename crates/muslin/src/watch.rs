@@ -22,8 +22,9 @@ pub struct Stage {
 
 /// What a job may call while it works: tells of stages, asks whether to go on.
 pub struct Watch<'a> {
-    tell: Box<dyn FnMut(&Stage) + 'a>,
-    warn: Box<dyn FnMut(&str) + 'a>,
+    tell: Box<dyn FnMut(&Stage) + Send + 'a>,
+    warn: Box<dyn FnMut(&str) + Send + 'a>,
+    progress: Box<dyn FnMut(&str) + Send + 'a>,
     stop: Option<&'a AtomicUsize>,
     since: Instant,
 }
@@ -35,10 +36,11 @@ impl<'a> Watch<'a> {
     }
 
     /// `tell` hears of each finished stage, `warn` of each warning.
-    pub fn new(tell: impl FnMut(&Stage) + 'a, warn: impl FnMut(&str) + 'a) -> Self {
+    pub fn new(tell: impl FnMut(&Stage) + Send + 'a, warn: impl FnMut(&str) + Send + 'a) -> Self {
         Self {
             tell: Box::new(tell),
             warn: Box::new(warn),
+            progress: Box::new(|_| {}),
             stop: None,
             since: Instant::now(),
         }
@@ -48,6 +50,17 @@ impl<'a> Watch<'a> {
     pub fn stopping_at(mut self, flag: &'a AtomicUsize) -> Self {
         self.stop = Some(flag);
         self
+    }
+
+    /// `progress` hears how far a long stage has come, many times a second.
+    pub fn following(mut self, progress: impl FnMut(&str) + Send + 'a) -> Self {
+        self.progress = Box::new(progress);
+        self
+    }
+
+    /// Says how far the stage has come.
+    pub fn progress(&mut self, text: &str) {
+        (self.progress)(text);
     }
 
     /// Says something the user should know.

@@ -1,0 +1,242 @@
+//! `muslin simulate`, as a user types it.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use muslin_io::npz::{Array, write};
+
+fn muslin(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_muslin"))
+        .args(args)
+        .output()
+        .expect("the program starts")
+}
+
+fn errors(out: &Output) -> String {
+    String::from_utf8_lossy(&out.stderr).into_owned()
+}
+
+/// A folder of its own, removed in the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Self {
+        let path =
+            std::env::temp_dir().join(format!("muslin-simulate-{}-{name}", std::process::id()));
+        std::fs::create_dir_all(&path).expect("a temporary folder can be made");
+        Self(path)
+    }
+
+    fn at(&self, name: &str) -> String {
+        self.0.join(name).display().to_string()
+    }
+
+    fn put(&self, name: &str, bytes: &[u8]) -> String {
+        std::fs::write(self.0.join(name), bytes).expect("a temporary file can be written");
+        self.at(name)
+    }
+
+    fn names(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(&self.0).expect("the folder").flatten();
+        let mut names: Vec<String> = entries
+            .map(|e| e.file_name().to_string_lossy().into_owned())
+            .collect();
+        names.sort();
+        names
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A short simulation of a coarse tee, and more arguments.
+fn wave(out: &str, more: &[&str]) -> Output {
+    let args = [
+        "simulate", "--motion", "wave", "--edge", "25", "--fps", "30",
+    ];
+    muslin(&[&args[..], &["--seconds", "0.2", "-o", out], more].concat())
+}
+
+#[test]
+fn an_animation_comes_with_its_report_arrays_and_caches_that_can_be_judged() {
+    let folder = Folder::new("all");
+    let (out, npz, caches) = (folder.at("w.glb"), folder.at("a.npz"), folder.at("caches"));
+    let done = wave(&out, &["--npz", &npz, "--pc2", &caches, "--outfit", "tee"]);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    for stage in [
+        "[1/5] body",
+        "[2/5] motion",
+        "[3/5] outfit",
+        "[4/5] cloth",
+        "[5/5] write",
+    ] {
+        assert!(
+            errors(&done).contains(stage),
+            "{stage} is not told:\n{}",
+            errors(&done)
+        );
+    }
+    assert!(
+        errors(&done).contains("frames need"),
+        "memory is told before the work"
+    );
+    assert_eq!(
+        folder.names(),
+        ["a.npz", "caches", "w.glb", "w.report.json"]
+    );
+    let report = std::fs::read_to_string(folder.at("w.report.json")).expect("written");
+    for figure in [
+        "\"frames\": 6",
+        "\"limit_percent\"",
+        "\"frame_median_ms\"",
+        "\"seed\"",
+        "\"licences\"",
+    ] {
+        assert!(report.contains(figure), "{figure} is missing:\n{report}");
+    }
+    let read = |p: &str| muslin_io::read_clip(Path::new(p)).expect("it can be read");
+    let clips = [read(&out), read(&npz), read(&caches)];
+    for clip in &clips {
+        assert_eq!((clip.drape.frames.len(), clip.drape.fps.round()), (6, 30.0));
+    }
+    let tee = &clips[1].drape.frames[5];
+    let far = |other: &[_]| {
+        tee.iter()
+            .zip(other)
+            .map(|(a, b): (_, &_)| a.distance(*b))
+            .fold(0.0, f64::max)
+    };
+    assert_eq!(far(&clips[2].drape.frames[5]), 0.0);
+    assert!(far(&clips[0].drape.frames[5]) < 1e-4);
+}
+
+#[test]
+fn the_same_command_gives_the_same_bytes_and_json_when_asked() {
+    let folder = Folder::new("twice");
+    let run = |name: &str| {
+        let done = wave(&folder.at(name), &["--json", "-q"]);
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        let json = String::from_utf8_lossy(&done.stdout).into_owned();
+        assert!(json.trim_start().starts_with('{'), "{json}");
+        std::fs::read(folder.at(name)).expect("it was written")
+    };
+    assert!(run("a.glb") == run("b.glb"), "two runs differ");
+}
+
+/// A stick figure that stands, in the words of a recording.
+fn recording() -> String {
+    let joint = |name: &str, at: [f64; 3], inner: &str| {
+        let [x, y, z] = at;
+        let inner = match inner {
+            "" => "End Site { OFFSET 0 -10 0 }",
+            inner => inner,
+        };
+        format!(
+            "JOINT {name} {{ OFFSET {x} {y} {z} CHANNELS 3 Zrotation Xrotation Yrotation {inner} }}\n"
+        )
+    };
+    let leg = |side: &str, x: f64| {
+        let foot = joint(
+            &format!("{side}Foot"),
+            [0.0, -40.0, 0.0],
+            "End Site { OFFSET 0 -8 12 }",
+        );
+        let shin = joint(&format!("{side}Leg"), [0.0, -42.0, 0.0], &foot);
+        joint(&format!("{side}UpLeg"), [x, 0.0, 0.0], &shin)
+    };
+    let arm = |side: &str, s: f64| {
+        let hand = joint(&format!("{side}Hand"), [s * 12.0, -21.0, 0.0], "");
+        let fore = joint(&format!("{side}ForeArm"), [s * 14.0, -24.0, 0.0], &hand);
+        joint(&format!("{side}Arm"), [s * 17.0, -6.0, 0.0], &fore)
+    };
+    let upper = [
+        arm("Left", 1.0),
+        arm("Right", -1.0),
+        joint("Head", [0.0, 10.0, 0.0], ""),
+    ]
+    .concat();
+    let body = [
+        leg("Left", 9.0),
+        leg("Right", -9.0),
+        joint("Neck", [0.0, 52.0, 0.0], &upper),
+    ]
+    .concat();
+    let root = format!(
+        "ROOT Hips {{ OFFSET 0 0 0 CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation\n{body} }}"
+    );
+    let joints = root.matches("CHANNELS 3").count();
+    let frame = |k: usize| format!("0 90 {} 0 0 0{}\n", k, " 0".repeat(3 * joints));
+    let frames: String = (0..6).map(frame).collect();
+    format!("HIERARCHY\n{root}\nMOTION\nFrames: 6\nFrame Time: 0.0333333\n{frames}")
+}
+
+#[test]
+fn a_recording_moves_the_body_too() {
+    let folder = Folder::new("bvh");
+    let file = folder.put("step.bvh", recording().as_bytes());
+    let out = folder.at("step.glb");
+    let args = ["simulate", "--motion", &file, "--edge", "25", "--fps", "30"];
+    let done = muslin(
+        &[
+            &args[..],
+            &["--seconds", "0.1", "--start", "0.05", "-o", &out],
+        ]
+        .concat(),
+    );
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let report = std::fs::read_to_string(folder.at("step.report.json")).expect("written");
+    assert!(
+        report.contains("\"sha256\"") && report.contains("\"frames\": 3"),
+        "{report}"
+    );
+}
+
+#[test]
+fn bad_input_ends_with_its_code_a_hint_and_no_file() {
+    let folder = Folder::new("bad");
+    let smpl = write(&[("poses", Array::f32(&[1, 3], vec![0.0; 3]))]).expect("finite");
+    let smpl = folder.put("smpl.npz", &smpl);
+    let text = folder.put("text.bvh", b"nothing of the kind");
+    let whole = recording();
+    let cut = folder.put("cut.bvh", &whole.as_bytes()[..whole.len() / 2]);
+    let (missing, left) = (folder.at("missing.bvh"), folder.names());
+    let cases: [(&[&str], i32, &str); 12] = [
+        (&["--motion", "wlak"], 2, "walk"),
+        (&["--outfit", "tea"], 2, "tee"),
+        (&["--outfit", "tee:demin"], 2, "denim"),
+        (&["--fps", "1"], 2, "--fps"),
+        (&["--start", "100"], 2, "--start"),
+        (&["--npz", "a.npy"], 2, "--npz"),
+        (&["--body", "smpl"], 2, "anny"),
+        (&["--height", "17200"], 2, "--height"),
+        (&["--motion", &smpl], 4, "BVH"),
+        (&["--motion", &text], 3, "hint"),
+        (&["--motion", &cut], 3, "hint"),
+        (&["--motion", &missing], 5, "missing.bvh"),
+    ];
+    for (args, want, says) in cases {
+        let out = folder.at("w.glb");
+        let done = muslin(&[&["simulate"], args, &["-o", &out]].concat());
+        let told = errors(&done);
+        assert_eq!(done.status.code(), Some(want), "{args:?}: {told}");
+        assert!(
+            told.contains(says) && told.contains("error"),
+            "{args:?}: {told}"
+        );
+        assert_eq!(folder.names(), left, "{args:?} left a file");
+    }
+    let done = muslin(&["simulate", "-o", &folder.at("w.fbx")]);
+    assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
+    let inside = Path::new(&text).join("w.glb").display().to_string();
+    assert_eq!(muslin(&["simulate", "-o", &inside]).status.code(), Some(5));
+}
+
+#[test]
+fn motions_are_listed() {
+    let out = muslin(&["list", "motions"]);
+    assert_eq!(out.status.code(), Some(0));
+    assert!(String::from_utf8_lossy(&out.stdout).contains("cartwheel"));
+}

@@ -1,0 +1,254 @@
+//! An outfit on a moving body: from a motion to an animation on disk.
+
+mod files;
+mod film;
+mod motion;
+mod options;
+mod quality;
+mod reel;
+mod set;
+mod shoot;
+
+use std::path::{Path, PathBuf};
+
+use muslin_body::{Avatar, Figure};
+use muslin_geom::{Report, Value};
+use muslin_io::Journal;
+
+use crate::dress::{asked_shape, file_failure};
+use crate::failure::{Exit, Failure};
+use crate::figure::body_failure;
+use crate::outcome::Outcome;
+use crate::outfit::Outfit;
+use crate::table::Table;
+use crate::tell;
+use crate::watch::Watch;
+
+use files::{Folders, Made};
+use motion::Moving;
+use quality::{Quality, round};
+use set::Set;
+
+pub use options::SimulateOptions;
+
+/// How many stages a simulation has.
+const STAGES: usize = 5;
+/// An array file has to stay below this [bytes].
+const MOST_BYTES: usize = 4 << 30;
+
+/// Moves an outfit on a moving body and writes the animation to `out` (a `.glb`), with
+/// `NAME.report.json` beside it.
+///
+/// While it works, what is done is kept in `OUT.part`; with `resume` a stopped run goes on from
+/// there and gives the same bits as one that was never stopped.
+pub fn simulate(
+    out: &Path,
+    options: &SimulateOptions,
+    watch: &mut Watch,
+) -> Result<Outcome, Failure> {
+    options.check(out)?;
+    let folders = Folders::open(out, options)?;
+    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let mut run = Run {
+        options,
+        watch,
+        report: Report::default(),
+        times: Report::default(),
+        warnings: Vec::new(),
+    };
+    let figure = run.body(&avatar)?;
+    let moving = run.motion(&avatar, &figure)?;
+    let set = run.outfit(&avatar, figure, moving)?;
+    run.film(&set, (out, folders))
+}
+
+struct Run<'a, 'w> {
+    options: &'a SimulateOptions,
+    watch: &'a mut Watch<'w>,
+    report: Report,
+    times: Report,
+    warnings: Vec<String>,
+}
+
+impl Run<'_, '_> {
+    fn done(&mut self, number: usize, name: &'static str, result: String) -> Result<(), Failure> {
+        let seconds = self.watch.done((number, STAGES), name, result)?;
+        self.times.set(name, round(seconds));
+        Ok(())
+    }
+
+    fn warn(&mut self, warnings: Vec<String>) {
+        warnings.iter().for_each(|w| self.watch.warn(w));
+        self.warnings.extend(warnings);
+    }
+
+    fn body(&mut self, avatar: &Avatar) -> Result<Figure, Failure> {
+        let shape = asked_shape(avatar, &self.options.dress)?;
+        let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
+        let measures = avatar.measure(&figure);
+        self.report.set("body", tell::body(&shape, &measures));
+        self.done(1, "body", tell::measures(&measures))?;
+        Ok(figure)
+    }
+
+    fn motion(&mut self, avatar: &Avatar, figure: &Figure) -> Result<Moving, Failure> {
+        let mut moving = motion::load(avatar, figure, self.options)?;
+        self.warn(std::mem::take(&mut moving.warnings));
+        let (n, fps) = (moving.frames(), moving.motion.fps);
+        let seconds = n as f64 / fps;
+        let mut r = Report::default();
+        r.set("name", moving.name.as_str());
+        if let Some(hash) = &moving.sha256 {
+            r.set("sha256", hash.as_str());
+        }
+        r.set("start_s", self.options.start).set("seconds", seconds);
+        r.set("frames", n).set("frames_per_second", fps);
+        r.set("frames_of_lead_in", moving.lead);
+        self.report.set("motion", r);
+        let told = format!(
+            "{}: {n} frames, {seconds:.2} s at {fps} a second",
+            moving.name
+        );
+        self.done(2, "motion", told)?;
+        Ok(moving)
+    }
+
+    fn outfit<'a>(
+        &mut self,
+        avatar: &'a Avatar,
+        figure: Figure,
+        moving: Moving,
+    ) -> Result<Set<'a>, Failure> {
+        let mut warnings = Vec::new();
+        let outfit = Outfit::make(avatar, &self.options.dress, |w| warnings.push(w.to_owned()))?;
+        self.warn(warnings);
+        self.report.set("outfit", tell::outfit(&outfit));
+        let set = Set::new(avatar, figure, moving, outfit)?;
+        let memory = set.memory();
+        if memory / 5 > MOST_BYTES {
+            let what = format!("{} frames are too many for one file", set.moving.frames());
+            let fault = Failure::new(Exit::Refused, "too-long", what).at(set.moving.name);
+            return Err(fault.hint("take a part with --start and --seconds, or a lower --fps"));
+        }
+        let megabytes = (memory as f64 / 1e6).ceil();
+        self.report.set("memory_of_frames_MB", megabytes);
+        let told = format!("{}; frames need {megabytes} MB", tell::pieces(&set.outfit));
+        self.done(3, "outfit", told)?;
+        Ok(set)
+    }
+
+    fn film(mut self, set: &Set, (out, folders): (&Path, Folders)) -> Result<Outcome, Failure> {
+        let part = part(out);
+        let mut reel = shoot::shoot(set, (&part, self.options.resume), self.watch)?;
+        let told = std::mem::take(&mut reel.told);
+        let clip = set.clip(reel);
+        let quality = Quality::measure(set, &clip, told);
+        self.report.set("simulation", quality.report());
+        self.warn(quality.warnings(clip.drape.fps));
+        self.done(4, "cloth", line(&quality))?;
+        if let Some(fault) = quality.fault(self.options.dress.allow_crossings) {
+            return Err(fault);
+        }
+        let step = files::stride(clip.drape.frames.len());
+        if step > 1 {
+            self.warn(vec![format!(
+                "the GLB has every {step}th frame, since viewers take 240 morph targets; --npz and --pc2 have all"
+            )]);
+        }
+        let mut made = files::make(set, &clip, (out, self.options))?;
+        let text = written(&made);
+        self.done(5, "write", text)?;
+        self.finish(&made);
+        made.push(files::report(out, &self.report));
+        folders.write(&made)?;
+        Journal::remove(&part).map_err(|e| file_failure(&e))?;
+        Ok(Outcome::new(
+            table(&self.report, &quality, &made),
+            &self.report,
+        ))
+    }
+
+    /// The rest of the report.
+    fn finish(&mut self, made: &[Made]) {
+        let mut sizes = Report::default();
+        for file in made {
+            sizes.set(&muslin_io::name(&file.path), file.bytes.len());
+        }
+        self.report.set("files", sizes);
+        let warnings = self.warnings.iter().map(|w| Value::from(w.as_str()));
+        self.report.set("warnings", warnings.collect::<Vec<_>>());
+        self.report.set("seconds", self.times.clone());
+        tell::colophon(&mut self.report);
+    }
+}
+
+/// Where the frames are kept until all are there.
+fn part(out: &Path) -> PathBuf {
+    let mut name = out.as_os_str().to_owned();
+    name.push(".part");
+    name.into()
+}
+
+/// The line of the cloth stage.
+fn line(q: &Quality) -> String {
+    let crossed = q.crossings.iter().filter(|n| **n > 0).count();
+    let touching = q.frames_with(|t| t.body_intersections > 0.0);
+    let worst = q.strained.iter().map(|s| s.max).fold(0.0, f64::max);
+    format!(
+        "{} frames, {:.0} ms each; {touching} with cloth in the body, {crossed} in itself, stretch {:.1} %",
+        q.told.len(),
+        q.pace()[0],
+        worst * 100.0
+    )
+}
+
+/// The line of the write stage.
+fn written(made: &[Made]) -> String {
+    let one = |m: &Made| format!("{} {:.1} MB", m.path.display(), m.bytes.len() as f64 / 1e6);
+    made.iter().map(one).collect::<Vec<_>>().join("  ")
+}
+
+/// The last words: what came out and how good it is.
+fn table(report: &Report, q: &Quality, made: &[Made]) -> String {
+    let mut table = Table::new(&[]);
+    if let Some(Value::Tree(motion)) = report.get("motion") {
+        let of = |name: &str| match motion.get(name) {
+            Some(Value::Number(x)) => round(*x).to_string(),
+            Some(Value::Text(t)) => t.clone(),
+            _ => String::new(),
+        };
+        let told = [of("name"), of("frames"), of("frames_per_second")];
+        let [name, frames, fps] = told;
+        table.row([
+            "motion",
+            &format!("{name}: {frames} frames, {fps} a second"),
+        ]);
+    }
+    for s in &q.strained {
+        let limit = s
+            .limit
+            .map_or("no limit".into(), |l| format!("limit {:.1} %", l * 100.0));
+        let told = format!(
+            "stretch {:.1} % at most, {:.1} % p99 ({limit})",
+            s.max * 100.0,
+            s.p99 * 100.0
+        );
+        table.row([s.name.as_str(), &told]);
+    }
+    let touching = q.frames_with(|t| t.body_intersections > 0.0);
+    let crossed = q.crossings.iter().filter(|n| **n > 0).count();
+    table.row([
+        "contact",
+        &format!("{touching} frames with cloth in the body, {crossed} with cloth in cloth"),
+    ]);
+    let [median, worst] = q.pace();
+    table.row([
+        "speed",
+        &format!("{median:.0} ms a frame, {worst:.0} ms the slowest"),
+    ]);
+    for (i, file) in made.iter().enumerate() {
+        let head = if i == 0 { "wrote" } else { "" };
+        table.row([head, &file.path.display().to_string()]);
+    }
+    table.text()
+}

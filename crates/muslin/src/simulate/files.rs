@@ -1,0 +1,164 @@
+//! The results as files.
+
+use std::path::{Path, PathBuf};
+
+use muslin_geom::Report;
+use muslin_io::{Clip, Moved, Output, Scene, Skinned, animated_png, moving_glb, png, report_json};
+use rayon::prelude::*;
+
+use crate::dress::file_failure;
+use crate::failure::Failure;
+use crate::files;
+
+use super::set::Set;
+use super::{SimulateOptions, film};
+
+/// More morph targets than this are for no viewer: every n-th frame is taken.
+const MOST_TARGETS: usize = 240;
+
+/// A file to be written.
+pub struct Made {
+    /// Where.
+    pub path: PathBuf,
+    /// What.
+    pub bytes: Vec<u8>,
+}
+
+/// Folders to be filled, checked before the work begins.
+pub struct Folders(Vec<(PathBuf, Output)>);
+
+impl Folders {
+    /// Opens the folders of all results.
+    pub fn open(out: &Path, options: &SimulateOptions) -> Result<Self, Failure> {
+        let parent = |p: &Path| p.parent().unwrap_or(Path::new("")).to_owned();
+        let mut folders = vec![parent(out)];
+        folders.extend(options.npz.as_deref().map(parent));
+        folders.extend(options.pc2.clone());
+        folders.sort();
+        folders.dedup();
+        let open = |f: PathBuf| Output::open(&f).map(|o| (f, o));
+        let opened: Result<Vec<_>, _> = folders.into_iter().map(open).collect();
+        opened.map(Self).map_err(|e| file_failure(&e))
+    }
+
+    /// Puts every file in its place: all of a folder's, or none.
+    pub fn write(mut self, made: &[Made]) -> Result<(), Failure> {
+        for file in made {
+            let folder = file.path.parent().unwrap_or(Path::new(""));
+            let name = muslin_io::name(Path::new(file.path.file_name().unwrap_or_default()));
+            let own = self.0.iter_mut().find(|(f, _)| f == folder);
+            let (_, output) = own.expect("the folder of every result is opened");
+            output
+                .add(&name, &file.bytes)
+                .map_err(|e| file_failure(&e))?;
+        }
+        for (_, output) in self.0 {
+            output.commit().map_err(|e| file_failure(&e))?;
+        }
+        Ok(())
+    }
+}
+
+/// Of how many frames one is in the GLB.
+pub fn stride(frames: usize) -> usize {
+    frames.saturating_sub(1).div_ceil(MOST_TARGETS).max(1)
+}
+
+/// The bytes of all results but the report.
+pub fn make(
+    set: &Set,
+    clip: &Clip,
+    (out, options): (&Path, &SimulateOptions),
+) -> Result<Vec<Made>, Failure> {
+    let fault = |e| file_failure(&e);
+    let mut made = vec![Made {
+        path: out.to_owned(),
+        bytes: glb(set, clip)?,
+    }];
+    let mut add = |folder: &Path, files: Vec<(String, Vec<u8>)>| {
+        let path = |name: &str| folder.join(name);
+        made.extend(files.into_iter().map(|(name, bytes)| Made {
+            path: path(&name),
+            bytes,
+        }));
+    };
+    if let Some(path) = &options.npz {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        add(folder, clip.npz_files(&stem(path)).map_err(fault)?);
+    }
+    if let Some(folder) = &options.pc2 {
+        add(folder, clip.pc2_files().map_err(fault)?);
+    }
+    if options.picture {
+        let folder = out.parent().unwrap_or(Path::new(""));
+        let (still, moving) = film::pictures(set, clip, options.dress.backdrop);
+        let name = stem(out);
+        let moving = animated_png(&moving, film::FRAME_MS);
+        let files = vec![
+            (format!("{name}.png"), png(&still)),
+            (format!("{name}.film.png"), moving),
+        ];
+        add(folder, files);
+    }
+    Ok(made)
+}
+
+/// The report beside the main file.
+pub fn report(out: &Path, report: &Report) -> Made {
+    Made {
+        path: out.with_file_name(format!("{}.report.json", stem(out))),
+        bytes: report_json(report).into_bytes(),
+    }
+}
+
+fn stem(path: &Path) -> String {
+    muslin_io::name(Path::new(path.file_stem().unwrap_or_default()))
+}
+
+/// The animation: garments as morphs, the body by its bones.
+fn glb(set: &Set, clip: &Clip) -> Result<Vec<u8>, Failure> {
+    let step = stride(clip.drape.frames.len());
+    let mut clip = clip.every(step);
+    let seen = clip.body.par_iter().enumerate();
+    clip.body = seen.map(|(i, skin)| set.seen(i * step, skin)).collect();
+    clip.body_faces = set.avatar.body_faces().to_vec();
+    let moved = |(node, source)| Moved { node, source };
+    let body = moved(files::body(set.avatar, &clip.body[0]));
+    let parts = clip.drape.parts.iter().zip(&set.outfit.pieces);
+    let garments: Vec<Moved> = parts
+        .map(|(part, piece)| {
+            let verts = clip.drape.frames[0][part.verts.clone()].to_vec();
+            moved(files::garment(piece, verts, &piece.garment.uv))
+        })
+        .collect();
+    let rig = set.avatar.export_rig();
+    let poses = set.moving.motion.poses[set.moving.lead..]
+        .iter()
+        .step_by(step);
+    let bones = poses.map(|p| {
+        let posed = set.avatar.pose(&set.figure, p);
+        rig.source.iter().map(|&b| posed.bones[b]).collect()
+    });
+    let skin = Skinned {
+        rig: &rig.rig,
+        heads: rig.source.iter().map(|&b| set.figure.joints[b]).collect(),
+        rest: &set.figure.verts,
+        bones: bones.collect(),
+    };
+    let scene = Scene {
+        name: "simulation".into(),
+        copyright: Some(files::BODY_RIGHTS.into()),
+        nodes: Vec::new(),
+    };
+    moving_glb(&scene, &clip, Some((&body, &skin)), &garments).map_err(|e| file_failure(&e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_glb_never_gets_more_targets_than_viewers_take() {
+        assert_eq!([1, 60, 241, 242, 481, 482].map(stride), [1, 1, 1, 2, 2, 3]);
+    }
+}

@@ -1,0 +1,62 @@
+//! Pictures of a simulation: its last frame, and a film that follows the body.
+
+use glam::{DAffine3, DVec3};
+use muslin_geom::Image;
+use muslin_io::Clip;
+use muslin_picture::{Camera, Options, Stage};
+use rayon::prelude::*;
+
+use crate::look;
+use crate::options::Backdrop;
+
+use super::set::Set;
+
+/// Frames of the film.
+const FRAMES: usize = 24;
+/// Pixels a side of the still and of the film.
+const SIDES: [usize; 2] = [1024, 400];
+/// How long each frame of the film stays [ms].
+pub const FRAME_MS: u16 = 100;
+
+/// The last frame, and frames evenly spread over the time.
+pub fn pictures(set: &Set, clip: &Clip, backdrop: Backdrop) -> (Image, Vec<Image>) {
+    let last = clip.drape.frames.len() - 1;
+    let count = FRAMES.min(last + 1);
+    let shown: Vec<usize> = (0..count).map(|i| i * last / (count - 1).max(1)).collect();
+    let near = following(set, clip, &shown);
+    let film = shown.par_iter().map(|&t| {
+        let scene = scene(set, clip, (t, backdrop));
+        let camera = Camera {
+            world_from_camera: DAffine3::from_translation(place(set, t)) * near.world_from_camera,
+            ..near.clone()
+        };
+        Stage::new(&scene, &Options::quick()).shoot(&camera)
+    });
+    let scene = scene(set, clip, (last, backdrop));
+    let stage = look::stage(&scene);
+    let still = stage.shoot(&stage.frame(&look::view(SIDES[0])));
+    (still, film.collect())
+}
+
+fn scene(set: &Set, clip: &Clip, (t, backdrop): (usize, Backdrop)) -> muslin_picture::Scene {
+    let body = set.seen(t, &clip.body[t]);
+    let cloth = &clip.drape.frames[t];
+    look::scene((set.avatar, &body), &set.outfit, cloth, backdrop)
+}
+
+/// Where the body as a whole is, on the floor [m].
+fn place(set: &Set, t: usize) -> DVec3 {
+    set.moving.motion.poses[set.moving.lead + t]
+        .root
+        .with_y(0.0)
+}
+
+/// A camera that sees all shown frames if it goes where the body goes.
+fn following(set: &Set, clip: &Clip, shown: &[usize]) -> Camera {
+    let points = shown.iter().flat_map(|&t| {
+        let here = place(set, t);
+        let all = clip.body[t].iter().chain(&clip.drape.frames[t]);
+        all.map(move |p| *p - here)
+    });
+    Camera::framing(&points.collect::<Vec<_>>(), &look::view(SIDES[1]))
+}

@@ -1,0 +1,163 @@
+//! Motion in: built in by name, or from a file, on a figure, with the way in from the rest pose.
+
+use std::path::Path;
+
+use muslin_body::{Avatar, Figure, Motion, Pose, motions, names, retarget};
+use muslin_io::{bvh, read_file, read_poses};
+use rayon::prelude::*;
+
+use crate::dress::file_failure;
+use crate::failure::{Exit, Failure};
+use crate::figure::body_failure;
+
+use super::SimulateOptions;
+
+/// A motion ready to be danced.
+pub struct Moving {
+    /// As asked for: a name, or a file's.
+    pub name: String,
+    /// SHA-256 of the file, if it is from one.
+    pub sha256: Option<String>,
+    /// The lead-in and the motion.
+    pub motion: Motion,
+    /// Poses of the lead-in.
+    pub lead: usize,
+    /// What the user should know of the file.
+    pub warnings: Vec<String>,
+}
+
+impl Moving {
+    /// How many frames are delivered.
+    pub fn frames(&self) -> usize {
+        self.motion.poses.len() - self.lead
+    }
+}
+
+/// Files with more bytes are refused.
+const MAX_BYTES: u64 = 512 << 20;
+/// On the way in no joint turns farther [rad] and the body goes no farther [m] in one frame.
+const LEAD_IN: (f64, f64) = (0.06, 0.02);
+/// Frames that the way in has at least.
+const SHORTEST: usize = 15;
+
+/// The motion that the options ask for.
+pub fn load(
+    avatar: &Avatar,
+    figure: &Figure,
+    options: &SimulateOptions,
+) -> Result<Moving, Failure> {
+    let path = Path::new(&options.motion);
+    let mut found = match motions::NAMES.contains(&options.motion.as_str()) {
+        true => built_in(avatar, figure, options)?,
+        false if path.exists() || has_kind(path) => file(avatar, figure, path)?,
+        false => return Err(unknown(&options.motion)),
+    };
+    let named = |f: Failure| f.at(found.name.clone());
+    let cut = cut(&found.motion, options).map_err(named)?;
+    let rest = Pose::rest(avatar);
+    found.lead = cut.steps_from(&rest, LEAD_IN).max(SHORTEST);
+    found.motion = cut.with_lead_in(&rest, found.lead);
+    if !found.motion.is_sound() {
+        let fault = Failure::new(Exit::Numbers, "motion", "a pose is not finite");
+        return Err(fault.at(found.name));
+    }
+    Ok(found)
+}
+
+fn built_in(
+    avatar: &Avatar,
+    figure: &Figure,
+    options: &SimulateOptions,
+) -> Result<Moving, Failure> {
+    let motion = motions::make(avatar, figure, &options.motion, options.fps);
+    Ok(Moving {
+        name: options.motion.clone(),
+        sha256: None,
+        motion: motion.map_err(|e| body_failure(&e))?,
+        lead: 0,
+        warnings: Vec::new(),
+    })
+}
+
+fn has_kind(path: &Path) -> bool {
+    let is = |e: &std::ffi::OsStr| ["bvh", "npz"].iter().any(|k| e.eq_ignore_ascii_case(k));
+    path.extension().is_some_and(is)
+}
+
+fn unknown(asked: &str) -> Failure {
+    let near = names::nearest(asked, motions::NAMES.into_iter());
+    let what = format!("no motion is called {asked:?}, and there is no such file");
+    let hint = format!(
+        "did you mean {}? `muslin list motions` shows all; files are .bvh or .npz",
+        near.join(", ")
+    );
+    Failure::new(Exit::Usage, "unknown-motion", what)
+        .at("--motion")
+        .hint(hint)
+}
+
+fn file(avatar: &Avatar, figure: &Figure, path: &Path) -> Result<Moving, Failure> {
+    let input = read_file(path, MAX_BYTES).map_err(|e| file_failure(&e))?;
+    let (motion, warnings) = match input.bytes.starts_with(b"PK") {
+        true => {
+            let read = read_poses(avatar, &input.file, &input.bytes);
+            (read.map_err(|e| file_failure(&e))?, Vec::new())
+        }
+        false => recorded(avatar, figure, &input)?,
+    };
+    Ok(Moving {
+        sha256: Some(input.sha256()),
+        name: input.file,
+        motion,
+        lead: 0,
+        warnings,
+    })
+}
+
+/// A BVH recording on our figure, hands at ease.
+fn recorded(
+    avatar: &Avatar,
+    figure: &Figure,
+    input: &muslin_io::Input,
+) -> Result<(Motion, Vec<String>), Failure> {
+    let read = bvh::read(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
+    let (mut recording, mut warnings) = (read.recording, read.warnings);
+    let place = |e: &muslin_body::BodyError| body_failure(e).at(input.file.clone());
+    let follow = |r: &retarget::Recording| retarget::retarget_all(avatar, figure, r);
+    let mut motion = follow(&recording).map_err(|e| place(&e))?;
+    let (_, false_start) = motion.without_false_start();
+    if false_start > 0 {
+        // Limbs go on from frame to frame: the ones left out must not have been seen.
+        recording.frames.drain(..false_start);
+        motion = follow(&recording).map_err(|e| place(&e))?;
+        warnings.push(format!(
+            "the first {false_start} frames jump away and are left out"
+        ));
+    }
+    let relax = |p: &mut Pose| p.relax_hands(avatar, figure);
+    let relaxed = motion.poses.par_iter_mut().map(relax);
+    relaxed.collect::<Result<(), _>>().map_err(|e| place(&e))?;
+    let told = warnings.into_iter().map(|w| format!("{}: {w}", input.file));
+    Ok((motion, told.collect()))
+}
+
+/// The part that is asked for, at the rate that is asked for, from over the origin.
+fn cut(motion: &Motion, options: &SimulateOptions) -> Result<Motion, Failure> {
+    let mut motion = match motion.fps == options.fps {
+        true => motion.clone(),
+        false => motion.resampled(options.fps),
+    };
+    let skip = (options.start * options.fps).round() as usize;
+    if skip >= motion.poses.len() {
+        let what = format!(
+            "--start {} s is beyond its end at {:.2} s",
+            options.start,
+            motion.duration()
+        );
+        return Err(Failure::new(Exit::Usage, "out-of-range", what));
+    }
+    motion.poses.drain(..skip);
+    let most = options.seconds.map(|s| (s * options.fps).round() as usize);
+    motion.poses.truncate(most.unwrap_or(usize::MAX).max(1));
+    Ok(motion.from_origin())
+}

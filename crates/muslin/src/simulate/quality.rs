@@ -1,0 +1,234 @@
+//! How good a simulation is, as far as that is cheap to tell.
+
+use muslin_geom::{Mesh, Report, self_intersections};
+use muslin_io::Clip;
+use muslin_sim::stretch;
+use rayon::prelude::*;
+
+use crate::drape::{BEYOND_LIMIT, percentile_99};
+use crate::failure::{Exit, Failure};
+
+use super::reel::Told;
+use super::set::Set;
+
+/// Flesh that gives way farther than this tells of a body that passes through itself [m].
+const DEEP: f64 = 0.02;
+
+/// One garment over all frames.
+#[derive(Clone, Debug, Default)]
+pub struct Strained {
+    /// Its name.
+    pub name: String,
+    /// The largest stretch of any face in any frame (0.01 is 1 %).
+    pub max: f64,
+    /// The largest of the frames' 99th percentiles.
+    pub p99: f64,
+    /// Its fabric's limit.
+    pub limit: Option<f64>,
+    /// Frames with a face beyond the limit and one per cent.
+    pub beyond: usize,
+}
+
+/// All frames together.
+#[derive(Clone, Debug, Default)]
+pub struct Quality {
+    /// Garment by garment.
+    pub strained: Vec<Strained>,
+    /// Pairs of the cloth's own triangles that cross, frame by frame, by exact predicates.
+    pub crossings: Vec<usize>,
+    /// What the simulator told of each frame.
+    pub told: Vec<Told>,
+}
+
+impl Quality {
+    /// Measures the frames as they are delivered.
+    pub fn measure(set: &Set, clip: &Clip, told: Vec<Told>) -> Self {
+        let frames = clip.drape.frames.par_iter();
+        let each: Vec<(Vec<[f64; 2]>, usize)> = frames
+            .map(|x| {
+                let all = stretch(&set.cloth.faces, &set.cloth.rest, x);
+                let parts = clip.drape.parts.iter().map(|p| {
+                    let of = all[p.faces.clone()].to_vec();
+                    let max = of.iter().copied().fold(0.0, f64::max);
+                    [max, percentile_99(of)]
+                });
+                let mesh = Mesh {
+                    verts: x.clone(),
+                    faces: set.cloth.faces.clone(),
+                };
+                (parts.collect(), self_intersections(&mesh).len())
+            })
+            .collect();
+        let strained = set.outfit.pieces.iter().enumerate().map(|(k, piece)| {
+            let of = |i: usize| each.iter().map(move |e| e.0[k][i]);
+            let limit = piece.fabric.strain_limit;
+            let is_beyond = |x: &f64| limit.is_some_and(|l| *x > l + BEYOND_LIMIT);
+            Strained {
+                name: piece.garment.name.clone(),
+                max: of(0).fold(0.0, f64::max),
+                p99: of(1).fold(0.0, f64::max),
+                limit,
+                beyond: of(0).filter(is_beyond).count(),
+            }
+        });
+        Self {
+            strained: strained.collect(),
+            crossings: each.iter().map(|e| e.1).collect(),
+            told,
+        }
+    }
+
+    /// What keeps the frames from being delivered, if anything.
+    pub fn fault(&self, allow_crossings: bool) -> Option<Failure> {
+        let count = |is: &dyn Fn(usize) -> bool| (0..self.told.len()).filter(|&i| is(i)).count();
+        let in_body = count(&|i| self.told[i].body_intersections > 0.0);
+        let in_cloth = count(&|i| self.crossings[i] > 0);
+        let of = self.told.len();
+        let (code, what) = match (in_body, in_cloth) {
+            _ if allow_crossings => return None,
+            (0, 0) => return None,
+            (0, n) => (
+                "cloth-in-cloth",
+                format!("the cloth crosses itself in {n} of {of} frames"),
+            ),
+            (n, _) => (
+                "cloth-in-body",
+                format!("cloth meets the body in {n} of {of} frames"),
+            ),
+        };
+        let hint = "nothing is lost: --resume --allow-crossings writes the frames all the same; \
+                    --cut loose or a finer --edge may avoid it";
+        Some(Failure::new(Exit::Quality, code, what).hint(hint))
+    }
+
+    /// What the user should know.
+    pub fn warnings(&self, fps: f64) -> Vec<String> {
+        let mut out = Vec::new();
+        let deep = |t: &Told| t.yielded > DEEP;
+        if let Some(first) = self.told.iter().position(deep) {
+            let n = self.told.iter().filter(|t| deep(t)).count();
+            let worst = self.told.iter().map(|t| t.yielded).fold(0.0, f64::max);
+            out.push(format!(
+                "the body passes through itself in {n} frames, first at {:.2} s; its flesh gave way by {:.0} mm to make room for the cloth",
+                first as f64 / fps,
+                worst * 1e3
+            ));
+        }
+        for s in self.strained.iter().filter(|s| s.beyond > 0) {
+            out.push(format!(
+                "{} is stretched beyond its fabric's limit in {} frames, by {:.1} % at worst; try --cut loose",
+                s.name,
+                s.beyond,
+                s.max * 100.0
+            ));
+        }
+        out
+    }
+
+    /// Middle and longest time of a frame [ms]; the first is not counted: it has the lead-in.
+    pub fn pace(&self) -> [f64; 2] {
+        let laps = self.told.iter().skip(1).map(|t| t.seconds * 1e3);
+        let mut laps: Vec<f64> = laps.collect();
+        laps.sort_unstable_by(f64::total_cmp);
+        let middle = laps.get(laps.len() / 2).copied().unwrap_or(f64::NAN);
+        [middle, laps.last().copied().unwrap_or(f64::NAN)]
+    }
+
+    /// How many frames something is true of.
+    pub fn frames_with(&self, is: impl Fn(&Told) -> bool) -> usize {
+        self.told.iter().filter(|t| is(t)).count()
+    }
+
+    /// The figures for the report.
+    pub fn report(&self) -> Report {
+        let mut r = Report::default();
+        let touching = self.frames_with(|t| t.body_intersections > 0.0);
+        let most = self.told.iter().map(|t| t.body_intersections);
+        r.set("frames_with_body_intersections", touching);
+        r.set("body_intersections_max", most.fold(0.0, f64::max));
+        let crossed = self.crossings.iter().filter(|n| **n > 0).count();
+        r.set("frames_with_self_crossings", crossed);
+        r.set(
+            "self_crossings_max",
+            self.crossings.iter().copied().max().unwrap_or(0),
+        );
+        let mut all = Report::default();
+        for s in &self.strained {
+            all.set(&s.name, s.report());
+        }
+        r.set("stretch", all);
+        let yielded = self.told.iter().map(|t| t.yielded).fold(0.0, f64::max);
+        r.set("flesh_yielded_mm", round(yielded * 1e3));
+        r.set(
+            "frames_with_flesh_yielded_20_mm",
+            self.frames_with(|t| t.yielded > DEEP),
+        );
+        r.set("steps", self.told.iter().map(|t| t.steps).sum::<f64>());
+        let [median, worst] = self.pace().map(round);
+        r.set("frame_median_ms", median)
+            .set("frame_worst_ms", worst);
+        r
+    }
+}
+
+impl Strained {
+    fn report(&self) -> Report {
+        let mut r = Report::default();
+        r.set("max_percent", round(self.max * 100.0));
+        r.set("p99_percent", round(self.p99 * 100.0));
+        if let Some(limit) = self.limit {
+            r.set("limit_percent", round(limit * 100.0));
+            r.set("frames_beyond_limit", self.beyond);
+        }
+        r
+    }
+}
+
+/// To two decimals, so that reports read well.
+pub fn round(x: f64) -> f64 {
+    (x * 100.0).round() / 100.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn quality(body: f64, crossings: usize, yielded: f64) -> Quality {
+        let told = |body_intersections| Told {
+            yielded,
+            body_intersections,
+            steps: 4.0,
+            seconds: 0.1,
+        };
+        Quality {
+            crossings: vec![0, crossings],
+            told: vec![told(0.0), told(body)],
+            strained: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn what_meets_stops_delivery_unless_allowed() {
+        let code = |q: Quality, allow| q.fault(allow).map(|f| (f.code, f.exit));
+        assert_eq!(code(quality(0.0, 0, 0.0), false), None);
+        assert_eq!(
+            code(quality(0.0, 2, 0.0), false),
+            Some(("cloth-in-cloth", Exit::Quality))
+        );
+        assert_eq!(
+            code(quality(3.0, 2, 0.0), false),
+            Some(("cloth-in-body", Exit::Quality))
+        );
+        assert_eq!(code(quality(3.0, 2, 0.0), true), None);
+    }
+
+    #[test]
+    fn a_body_that_passes_through_itself_is_told_with_its_time() {
+        assert!(quality(0.0, 0, 0.019).warnings(60.0).is_empty());
+        let told = quality(0.0, 0, 0.031).warnings(60.0);
+        assert!(
+            told[0].contains("2 frames, first at 0.00 s") && told[0].contains("31 mm"),
+            "{told:?}"
+        );
+    }
+}

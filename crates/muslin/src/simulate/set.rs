@@ -1,0 +1,134 @@
+//! Everything that a simulation starts from: who, how they move, what they wear.
+
+use glam::DVec3;
+use muslin_body::{Avatar, Figure, Part};
+use muslin_geom::Drape;
+use muslin_io::{Clip, sha256};
+use muslin_sim::Cloth;
+
+use crate::drape::{cloth, put_on};
+use crate::failure::Failure;
+use crate::outfit::Outfit;
+
+use super::motion::Moving;
+use super::reel::Reel;
+
+/// A figure in its clothes, before the first step.
+pub struct Set<'a> {
+    /// The body's family.
+    pub avatar: &'a Avatar,
+    /// The body at rest.
+    pub figure: Figure,
+    /// How it moves.
+    pub moving: Moving,
+    /// What it wears.
+    pub outfit: Outfit,
+    /// The same for the solver.
+    pub cloth: Cloth,
+    /// Where the cloth starts, around the body at rest [m].
+    pub start: Vec<DVec3>,
+}
+
+impl<'a> Set<'a> {
+    /// Puts the outfit on.
+    pub fn new(
+        avatar: &'a Avatar,
+        figure: Figure,
+        moving: Moving,
+        outfit: Outfit,
+    ) -> Result<Self, Failure> {
+        let worn = put_on(avatar, &outfit, &figure)?;
+        Ok(Self {
+            cloth: cloth(&outfit, &worn),
+            start: worn.into_iter().flat_map(|w| w.verts).collect(),
+            avatar,
+            figure,
+            moving,
+            outfit,
+        })
+    }
+
+    /// The skin in a pose of the motion, the lead-in counted [m].
+    pub fn skin(&self, k: usize) -> Vec<DVec3> {
+        let posed = self.avatar.pose(&self.figure, &self.moving.motion.poses[k]);
+        posed.verts[self.avatar.part(Part::Body)].to_vec()
+    }
+
+    /// The skin at rest [m].
+    pub fn rest(&self) -> Vec<DVec3> {
+        self.figure.verts[self.avatar.part(Part::Body)].to_vec()
+    }
+
+    /// Skin and eyes in a delivered frame [m], with the skin that the cloth lies on.
+    pub fn seen(&self, frame: usize, skin: &[DVec3]) -> Vec<DVec3> {
+        let pose = &self.moving.motion.poses[self.moving.lead + frame];
+        let mut verts = self.avatar.pose(&self.figure, pose).verts;
+        verts[self.avatar.part(Part::Body)].copy_from_slice(skin);
+        verts.truncate(self.avatar.part(Part::Eyes).end);
+        verts
+    }
+
+    /// Vertices of the cloth and of the skin.
+    pub fn n_verts(&self) -> [usize; 2] {
+        [self.start.len(), self.avatar.part(Part::Body).len()]
+    }
+
+    /// Bytes that the frames take in memory while the files are made, about: twice as doubles
+    /// (as simulated, and with the eyes for the GLB), once as the file itself.
+    pub fn memory(&self) -> usize {
+        let verts: usize = self.n_verts().iter().sum();
+        self.moving.frames() * verts * (24 + 24 + 12)
+    }
+
+    /// The frames as a clip over the skin.
+    pub fn clip(&self, reel: Reel) -> Clip {
+        Clip {
+            drape: Drape {
+                parts: self.outfit.parts(),
+                faces: self.cloth.faces.clone(),
+                frames: reel.cloth,
+                fps: self.moving.motion.fps,
+            },
+            body: reel.body,
+            body_faces: self.avatar.collision_faces().to_vec(),
+            rest: self.start.clone(),
+            corners: self.cloth.rest.clone(),
+        }
+    }
+
+    /// What the frames depend on, as names and hashes: two runs that agree in all give the same.
+    pub fn identity(&self) -> Vec<(&'static str, String)> {
+        let motion = &self.moving.motion;
+        let turns = motion.poses.iter().flat_map(|p| &p.rotations);
+        let poses = motion.poses.iter().flat_map(|p| p.root.to_array());
+        let poses = poses.chain(turns.flat_map(|q| q.to_array()));
+        let c = &self.cloth;
+        let cut = c.rest.as_flattened().iter().flat_map(|p| p.to_array());
+        let rest = format!("{:?}{:?}{:?}", c.materials, c.layers, c.pins);
+        let clothes = [
+            hash(points(&self.start)),
+            hash(cut),
+            hash(c.faces.as_flattened().iter().map(|&i| i.into())),
+            hash(c.material_of.iter().map(|&i| i.into())),
+            sha256(rest.as_bytes()),
+        ];
+        vec![
+            ("version", env!("CARGO_PKG_VERSION").to_owned()),
+            ("body", hash(points(&self.figure.verts))),
+            (
+                "motion",
+                hash(poses.chain([motion.fps, self.moving.lead as f64])),
+            ),
+            ("clothes", sha256(clothes.concat().as_bytes())),
+        ]
+    }
+}
+
+fn points(list: &[DVec3]) -> impl Iterator<Item = f64> {
+    list.iter().flat_map(|p| p.to_array())
+}
+
+fn hash(numbers: impl Iterator<Item = f64>) -> String {
+    let bytes: Vec<u8> = numbers.flat_map(f64::to_le_bytes).collect();
+    sha256(&bytes)
+}

@@ -1,0 +1,115 @@
+//! A stopped simulation goes on to the same bits.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use muslin_body::{Avatar, Shape};
+
+use super::*;
+use crate::options::DressOptions;
+use crate::outfit::Outfit;
+use crate::simulate::{SimulateOptions, motion};
+
+/// A file in a folder of its own, removed in the end.
+struct Place(PathBuf);
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(self.0.parent().expect("its folder"));
+    }
+}
+
+fn place(name: &str) -> Place {
+    let folder = format!("muslin-shoot-{}-{name}", std::process::id());
+    let folder = std::env::temp_dir().join(folder);
+    std::fs::create_dir_all(&folder).expect("a temporary folder");
+    Place(folder.join("job.part"))
+}
+
+fn set(avatar: &Avatar, frames: usize) -> Set<'_> {
+    let options = SimulateOptions {
+        motion: "wave".into(),
+        fps: 30.0,
+        seconds: Some(frames as f64 / 30.0),
+        dress: DressOptions {
+            edge: 0.025,
+            ..SimulateOptions::default().dress
+        },
+        ..SimulateOptions::default()
+    };
+    let figure = avatar.figure(&Shape::default()).expect("an adult");
+    let moving = motion::load(avatar, &figure, &options).expect("built in");
+    let outfit = Outfit::make(avatar, &options.dress, |_| {}).expect("a tee");
+    Set::new(avatar, figure, moving, outfit).expect("it fits")
+}
+
+/// Simulates until `stop` frames are there.
+fn stopped(set: &Set, part: &std::path::Path, stop: usize) -> Failure {
+    let flag = AtomicUsize::new(0);
+    let until = format!("frame {stop} of");
+    let mut watch = Watch::nobody()
+        .stopping_at(&flag)
+        .following(|text| flag.store(2 * usize::from(text.starts_with(&until)), Ordering::Relaxed));
+    shoot(set, (part, false), &mut watch).expect_err("it was stopped")
+}
+
+#[test]
+fn a_stopped_simulation_goes_on_to_the_same_bits() {
+    let avatar = Avatar::embedded().expect("the embedded body");
+    let set = set(&avatar, 40);
+    let (whole, part) = (place("whole"), place("part"));
+    let want = shoot(&set, (&whole.0, false), &mut Watch::nobody()).expect("it simulates");
+    let fault = stopped(&set, &part.0, 35);
+    assert_eq!(fault.exit, Exit::Interrupted);
+    assert!(
+        fault.what.contains("30 of 40 frames") && fault.hint.contains("--resume"),
+        "{fault}"
+    );
+    let got = shoot(&set, (&part.0, true), &mut Watch::nobody()).expect("it goes on");
+    assert_eq!(got.len(), 40);
+    for (k, (a, b)) in got.cloth.iter().zip(&want.cloth).enumerate() {
+        assert!(a == b, "cloth of frame {k} differs");
+    }
+    assert!(got.body == want.body, "the skin differs");
+    // Everything is there now: nothing is simulated again.
+    assert!(shoot(&set, (&part.0, true), &mut Watch::nobody()).expect("there") == got);
+}
+
+#[test]
+fn other_inputs_are_refused_by_name() {
+    let avatar = Avatar::embedded().expect("the embedded body");
+    let mut set = set(&avatar, 40);
+    let part = place("other");
+    let head = head(&set);
+    Journal::create(&part.0, head.as_bytes()).expect("writable");
+    set.moving.motion.poses[20].root.x += 1e-9;
+    set.cloth.materials[0].friction += 0.1;
+    let fault = shoot(&set, (&part.0, true), &mut Watch::nobody()).expect_err("others");
+    assert_eq!((fault.exit, fault.code), (Exit::Invalid, "cannot-resume"));
+    assert!(
+        fault.what.contains("another motion and another clothes"),
+        "{fault}"
+    );
+}
+
+#[test]
+fn damage_is_refused_and_nothing_to_resume_is_a_start() {
+    let avatar = Avatar::embedded().expect("the embedded body");
+    let set = set(&avatar, 1);
+    let part = place("damage");
+    let mut journal = Journal::create(&part.0, head(&set).as_bytes()).expect("writable");
+    journal.append(&[1, 2, 3]).expect("writable");
+    let fault = shoot(&set, (&part.0, true), &mut Watch::nobody()).expect_err("damaged");
+    assert_eq!(fault.code, "cannot-resume");
+    std::fs::remove_file(&part.0).expect("removable");
+    let mut warned = 0;
+    let mut watch = Watch::new(|_| {}, |_| warned += 1);
+    assert_eq!(
+        shoot(&set, (&part.0, true), &mut watch)
+            .expect("it starts")
+            .len(),
+        1
+    );
+    drop(watch);
+    assert_eq!(warned, 1);
+}
