@@ -32,6 +32,7 @@ pub mod names;
 mod pose;
 pub mod retarget;
 mod rig;
+mod room;
 mod shape;
 mod solve;
 mod sparse;
