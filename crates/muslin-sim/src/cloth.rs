@@ -78,6 +78,9 @@ pub enum SimError {
     /// A path without frames.
     #[error("the body's path has no frame")]
     EmptyPath,
+    /// The caller asked to stop.
+    #[error("stopped")]
+    Stopped,
     /// Even the shortest steps gave no finite result.
     #[error("the solver found no finite step at step {0}; check densities and stiffnesses")]
     Diverged(usize),

@@ -63,19 +63,26 @@ pub fn drape(
     (path, body_faces): (&[Vec<DVec3>], &[[u32; 3]]),
     options: &Options,
 ) -> Result<Settled, SimError> {
+    drape_while(cloth, start, (path, body_faces), (options, &|| true))
+}
+
+/// [`drape`], for as long as `go_on` says so: it is asked between steps, and where it says no the
+/// answer is [`SimError::Stopped`].
+pub fn drape_while(
+    cloth: &Cloth,
+    start: &[DVec3],
+    body: (&[Vec<DVec3>], &[[u32; 3]]),
+    options: (&Options, &(dyn Fn() -> bool + Sync)),
+) -> Result<Settled, SimError> {
     // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
-    rayon::join(
-        || drape_inside(cloth, start, (path, body_faces), options),
-        || (),
-    )
-    .0
+    rayon::join(|| drape_inside(cloth, start, body, options), || ()).0
 }
 
 fn drape_inside(
     cloth: &Cloth,
     start: &[DVec3],
     (path, body_faces): (&[Vec<DVec3>], &[[u32; 3]]),
-    options: &Options,
+    (options, go_on): (&Options, &(dyn Fn() -> bool + Sync)),
 ) -> Result<Settled, SimError> {
     let weave = Weave::new(cloth)?;
     same("start", start.len(), cloth.n_verts())?;
@@ -97,9 +104,10 @@ fn drape_inside(
         stage.step(&Pace::calm(options.step, 0.5))?;
     }
     for frame in &path[1..] {
+        asked(go_on)?;
         stage.follow(frame)?;
     }
-    let converged = stage.settle()?;
+    let converged = stage.settle(go_on)?;
     let settled = clean::finish(stage)?;
     let yielded = relief.deepest + settled.yielded;
     Ok(Settled {
@@ -107,4 +115,13 @@ fn drape_inside(
         yielded,
         ..settled
     })
+}
+
+/// Stops where `go_on` says no.
+pub(crate) fn asked(go_on: &(dyn Fn() -> bool + Sync)) -> Result<(), SimError> {
+    if go_on() {
+        Ok(())
+    } else {
+        Err(SimError::Stopped)
+    }
 }

@@ -37,7 +37,7 @@ mod touch;
 mod weave;
 
 pub use cloth::{Cloth, Material, SimError};
-pub use drape::{Options, drape};
+pub use drape::{Options, drape, drape_while};
 pub use quality::{Energies, Settled, stretch};
 pub use relief::{Relief, relieve};
 pub use simulate::{CHECKPOINT, Moment, State, Walk, simulate};

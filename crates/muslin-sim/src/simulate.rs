@@ -144,7 +144,7 @@ impl<'a> Run<'a> {
             if self.frame <= self.walk.lead {
                 self.stage.follow(&body)?;
                 if self.frame == self.walk.lead {
-                    self.stage.settle()?;
+                    self.stage.settle(&|| true)?;
                     self.set_off()?;
                 }
             } else {

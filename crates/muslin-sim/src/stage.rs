@@ -12,7 +12,7 @@ use crate::{
     carry::{self, Carrier},
     cloth::{Cloth, SimError},
     crossings,
-    drape::Options,
+    drape::{Options, asked},
     matrix::Effort,
     near::{self, Near, Neighbours},
     newton::Problem,
@@ -494,9 +494,10 @@ impl<'a> Stage<'a> {
     }
 
     /// Steps until the cloth rests or the steps run out; says which.
-    pub fn settle(&mut self) -> Result<bool, SimError> {
+    pub fn settle(&mut self, go_on: &(dyn Fn() -> bool + Sync)) -> Result<bool, SimError> {
         let mut calm = 0;
         for k in 0..self.options.last_steps {
+            asked(go_on)?;
             if k % 10 == 0 {
                 self.find_tangles();
             }

@@ -3,7 +3,7 @@
 mod scenes;
 
 use glam::{DVec2, DVec3};
-use muslin_sim::{Cloth, Options, Settled, drape};
+use muslin_sim::{Cloth, Options, Settled, SimError, drape, drape_while};
 use scenes::{capsule, cotton, cut, grid, look, tube};
 
 /// A body far below everything, for scenes without one.
@@ -153,4 +153,20 @@ fn arrays_that_do_not_fit_are_refused_by_name() {
     bad[5].y = f64::NAN;
     assert!(said(run(&cloth, &bad)).contains("start vertex 5 is not finite"));
     assert!(drape(&cloth, &start, (&[], &faces), &options).is_err());
+}
+
+#[test]
+fn a_drape_stops_between_two_steps_when_asked() {
+    let (flat, faces) = grid(DVec2::splat(0.2), [8, 8]);
+    let rest = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
+    let start: Vec<DVec3> = flat.iter().map(|p| DVec3::new(p.x, p.y, 0.0)).collect();
+    let cloth = cut(start.len(), faces, rest, cotton());
+    let (body, body_faces) = nobody();
+    let left = std::sync::atomic::AtomicI32::new(3);
+    let go_on = || left.fetch_sub(1, std::sync::atomic::Ordering::Relaxed) > 0;
+    let path = [body];
+    let options = (&Options::default(), &go_on as &(dyn Fn() -> bool + Sync));
+    let stopped = drape_while(&cloth, &start, (&path, &body_faces), options);
+    assert_eq!(stopped.err(), Some(SimError::Stopped));
+    assert_eq!(left.into_inner(), -1, "asked once more, then no longer");
 }

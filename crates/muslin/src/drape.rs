@@ -5,11 +5,12 @@ use muslin_body::{Avatar, Figure};
 use muslin_energy::{hinge::Bend, membrane::Stretch};
 use muslin_garment::{Fabric, Worn};
 use muslin_geom::Drape;
-use muslin_sim::{Cloth, Material, Options, Settled, drape, stretch};
+use muslin_sim::{Cloth, Material, Options, Settled, drape_while, stretch};
 
 use crate::failure::{Exit, Failure};
 use crate::figure::Sitter;
 use crate::outfit::Outfit;
+use crate::watch::Watch;
 
 /// An outfit at rest on a body.
 #[derive(Clone, Debug)]
@@ -76,14 +77,24 @@ impl Quality {
 }
 
 /// Drapes an outfit on somebody: from the rest pose along a short way into the pose, then to rest.
-pub fn drape_outfit(avatar: &Avatar, outfit: &Outfit, sitter: &Sitter) -> Result<Dressed, Failure> {
+///
+/// `watch` is asked between steps whether to go on.
+pub fn drape_outfit(
+    avatar: &Avatar,
+    outfit: &Outfit,
+    sitter: &Sitter,
+    watch: &Watch<'_>,
+) -> Result<Dressed, Failure> {
     let worn = put_on(avatar, outfit, &sitter.figure)?;
     let cloth = cloth(outfit, &worn);
     let start: Vec<DVec3> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
     let path = sitter.path(avatar, TURN);
     let body = (path.as_slice(), avatar.collision_faces());
-    let settled = drape(&cloth, &start, body, &Options::default())
-        .map_err(|e| Failure::new(Exit::Numbers, "drape", e.to_string()))?;
+    let (options, go_on) = (Options::default(), watch.may_go_on());
+    let settled = drape_while(&cloth, &start, body, (&options, &go_on));
+    // Where it stopped because it was asked to, that is the answer.
+    watch.go_on()?;
+    let settled = settled.map_err(|e| Failure::new(Exit::Numbers, "drape", e.to_string()))?;
     Ok(finish(outfit, &cloth, settled))
 }
 

