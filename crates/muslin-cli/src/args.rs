@@ -130,6 +130,7 @@ Examples:
   muslin simulate -o walk.glb
   muslin simulate --motion dance.bvh --start 2 --seconds 4 --outfit tee,trousers:denim -o dance.glb
   muslin simulate --motion spin --npz spin.npz -o spin.glb && muslin evaluate spin.npz
+  muslin simulate --motion takes/ --motion run -o out      one on each core, out/NAME.glb
 
 What is done is kept in OUT.part; after Ctrl-C or a crash the same command with --resume goes on
 from there, to the same bits. OUT.report.json says how good the result is.")]
@@ -137,16 +138,18 @@ pub struct Simulate {
     /// The body.
     #[arg(long, value_enum, default_value_t = BodyName::Anny)]
     pub body: BodyName,
-    /// A built-in motion (see `muslin list motions`), or a file: BVH, or NPZ with poses.
-    #[arg(long, default_value = "walk", value_name = "NAME|FILE")]
-    pub motion: String,
+    /// A built-in motion (see `muslin list motions`), a file (BVH, or NPZ with poses), or a folder
+    /// of these; may be given several times.
+    #[arg(long, default_value = "walk", value_name = "NAME|FILE|DIR")]
+    pub motion: Vec<String>,
     /// Who wears what.
     #[command(flatten)]
     pub wearing: Wearing,
-    /// The animation, a .glb file.
+    /// The animation, a .glb file; with several motions a folder for NAME.glb each.
     #[arg(short, long, default_value = "walk.glb")]
     pub out: PathBuf,
-    /// Also write arrays in the exchange layout; with several garments FILE.GARMENT.npz each.
+    /// Also write arrays in the exchange layout; with several garments FILE.GARMENT.npz each, with
+    /// several motions DIR/NAME.npz.
     #[arg(long, value_name = "FILE.npz")]
     pub npz: Option<PathBuf>,
     /// Also write a point cache and an OBJ of every garment and of the body into this folder.
@@ -276,7 +279,7 @@ impl Simulate {
         let BodyName::Anny = self.body;
         SimulateOptions {
             dress: self.wearing.options(SimulateOptions::default().dress),
-            motion: self.motion.clone(),
+            motion: self.motion[0].clone(),
             fps: self.fps,
             seconds: self.seconds,
             start: self.start,

@@ -42,8 +42,9 @@ fn job(
 }
 
 fn simulate(s: &Simulate) -> Result<(), Failure> {
-    watched(&s.telling, |watch| {
-        muslin::simulate(&s.out, &s.options(), watch)
+    watched(&s.telling, |watch| match s.motion.as_slice() {
+        [one] if !Path::new(one).is_dir() => muslin::simulate(&s.out, &s.options(), watch),
+        all => muslin::simulate_several(all, &s.out, &s.options(), watch),
     })
 }
 

@@ -235,6 +235,48 @@ fn bad_input_ends_with_its_code_a_hint_and_no_file() {
 }
 
 #[test]
+fn several_motions_get_a_file_each_and_the_same_as_alone() {
+    let folder = Folder::new("several");
+    folder.put("step.bvh", recording().as_bytes());
+    let (takes, out) = (folder.0.display().to_string(), folder.at("out"));
+    let args = [
+        "simulate",
+        "--edge",
+        "25",
+        "--fps",
+        "30",
+        "--seconds",
+        "0.1",
+    ];
+    let many = ["--motion", "wave", "--motion", &takes, "-o", &out];
+    let done = muslin(&[&args[..], &many].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    for name in [
+        "wave.glb",
+        "wave.report.json",
+        "step.glb",
+        "step.report.json",
+    ] {
+        assert!(
+            folder.0.join("out").join(name).exists(),
+            "{name} is missing"
+        );
+    }
+    let alone = folder.at("alone.glb");
+    let done = muslin(&[&args[..], &["--motion", "wave", "-o", &alone]].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let read = |p: PathBuf| std::fs::read(p).expect("it was written");
+    assert!(
+        read(folder.0.join("out/wave.glb")) == read(alone.into()),
+        "they differ"
+    );
+    let none = folder.at("none");
+    std::fs::create_dir(&none).expect("a folder");
+    let done = muslin(&["simulate", "--motion", &none, "-o", &folder.at("x")]);
+    assert_eq!(done.status.code(), Some(3), "{}", errors(&done));
+}
+
+#[test]
 fn motions_are_listed() {
     let out = muslin(&["list", "motions"]);
     assert_eq!(out.status.code(), Some(0));

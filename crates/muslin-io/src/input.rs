@@ -2,7 +2,7 @@
 
 use std::fs::{self, File};
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::error::{self, Fault, IoError, Place};
 use crate::sha256::sha256;
@@ -46,6 +46,23 @@ pub fn read_file(path: &Path, cap: u64) -> Result<Input, IoError> {
             .invalid());
     }
     Ok(Input { file, bytes })
+}
+
+/// The files of `folder` whose names end in one of `kinds`, such as `bvh`, in the order of their
+/// names; what lies in folders within is left out.
+pub fn files_in(folder: &Path, kinds: &[&str]) -> Result<Vec<PathBuf>, IoError> {
+    let cannot = |e: std::io::Error| error::unreadable(&error::name(folder), &e);
+    let is_wanted = |path: &PathBuf| {
+        let kind = path.extension().unwrap_or_default();
+        kinds.iter().any(|k| kind.eq_ignore_ascii_case(k)) && path.is_file()
+    };
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).map_err(cannot)? {
+        files.push(entry.map_err(cannot)?.path());
+    }
+    files.retain(is_wanted);
+    files.sort();
+    Ok(files)
 }
 
 /// Only regular files of at most `cap` bytes pass.

@@ -28,7 +28,7 @@ mod tflite;
 pub use clip::{Clip, read_clip, read_pc2, write_pc2};
 pub use error::{Fault, IoError, Place, name, quote};
 pub use glb::{GlbOptions, Moved, Skinned, glb, moving_glb, stored_positions};
-pub use input::{Input, read_file};
+pub use input::{Input, files_in, read_file};
 pub use journal::Journal;
 pub use obj::obj;
 pub use output::{Output, Written, write_file};

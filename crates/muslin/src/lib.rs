@@ -30,6 +30,6 @@ pub use muslin_garment::Cut;
 pub use options::{Backdrop, DressOptions, Person, Wear};
 pub use outcome::Outcome;
 pub use outfit::{Outfit, Piece};
-pub use simulate::{SimulateOptions, simulate};
+pub use simulate::{SimulateOptions, simulate, simulate_several};
 pub use table::Table;
 pub use watch::{Stage, Watch};

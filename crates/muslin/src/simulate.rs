@@ -7,6 +7,7 @@ mod options;
 mod quality;
 mod reel;
 mod set;
+mod several;
 mod shoot;
 
 use std::path::{Path, PathBuf};
@@ -30,6 +31,7 @@ use quality::{Quality, round};
 use set::Set;
 
 pub use options::SimulateOptions;
+pub use several::simulate_several;
 
 /// How many stages a simulation has.
 const STAGES: usize = 5;

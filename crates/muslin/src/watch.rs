@@ -1,5 +1,6 @@
 //! Watching a job: its stages as they finish, and a way to stop it.
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
@@ -61,6 +62,28 @@ impl<'a> Watch<'a> {
     /// Says how far the stage has come.
     pub fn progress(&mut self, text: &str) {
         (self.progress)(text);
+    }
+
+    /// A watch for one of several jobs that run side by side: `whole` hears everything that it is
+    /// told, with the job's name before it, and stops it.
+    pub(crate) fn side<'b>(whole: &'b Mutex<&mut Watch<'a>>, name: &'b str) -> Watch<'b>
+    where
+        'a: 'b,
+    {
+        let lock = || whole.lock().expect("nobody panics while telling");
+        let tell = move |s: &Stage| {
+            let result = format!("{name}: {}", s.result);
+            (lock().tell)(&Stage {
+                result,
+                ..s.clone()
+            });
+        };
+        let warn = move |w: &str| (lock().warn)(&format!("{name}: {w}"));
+        let progress = move |text: &str| (lock().progress)(&format!("{name}: {text}"));
+        Watch {
+            stop: lock().stop,
+            ..Watch::new(tell, warn).following(progress)
+        }
     }
 
     /// Says something the user should know.

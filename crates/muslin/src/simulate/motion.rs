@@ -79,8 +79,11 @@ fn built_in(
     })
 }
 
+/// Kinds of files with motions.
+pub const KINDS: [&str; 2] = ["bvh", "npz"];
+
 fn has_kind(path: &Path) -> bool {
-    let is = |e: &std::ffi::OsStr| ["bvh", "npz"].iter().any(|k| e.eq_ignore_ascii_case(k));
+    let is = |e: &std::ffi::OsStr| KINDS.iter().any(|k| e.eq_ignore_ascii_case(k));
     path.extension().is_some_and(is)
 }
 

@@ -100,11 +100,12 @@ impl<'a> Take<'a> {
             take.state = state.ok_or_else(damaged)?;
         }
         take.kept = take.reel.len();
-        let ends = take
-            .state
-            .as_ref()
-            .map(|s| s.frame - set.moving.lead.min(s.frame));
-        if take.kept != ends.unwrap_or(set.moving.frames()) {
+        let ends = match &take.state {
+            Some(state) => state.frame.saturating_sub(set.moving.lead),
+            None if records.is_empty() => 0,
+            None => set.moving.frames(),
+        };
+        if take.kept != ends {
             return Err(damaged());
         }
         take.journal = Some(journal);

@@ -98,6 +98,8 @@ fn damage_is_refused_and_nothing_to_resume_is_a_start() {
     let set = set(&avatar, 1);
     let part = place("damage");
     let mut journal = Journal::create(&part.0, head(&set).as_bytes()).expect("writable");
+    // Killed before the first frames were kept.
+    assert!(Take::resume(&set, &part.0, &mut Watch::nobody()).is_ok());
     journal.append(&[1, 2, 3]).expect("writable");
     let fault = shoot(&set, (&part.0, true), &mut Watch::nobody()).expect_err("damaged");
     assert_eq!(fault.code, "cannot-resume");
