@@ -36,7 +36,7 @@ pub struct Quality {
 pub(crate) const BEYOND_LIMIT: f64 = 0.01;
 
 /// Largest turn of a joint in one step on the way to the pose [rad].
-const TURN: f64 = 0.06;
+const TURN: f64 = 0.09;
 
 impl Quality {
     /// What keeps the drape from being delivered, if anything.

@@ -72,6 +72,10 @@ impl Tally {
         ]
     }
 
+    fn faults(&self) -> usize {
+        self.failed.len() + self.in_body.len() + self.crossed.len() + self.stretched.len()
+    }
+
     /// The last case, and how many of each kind there were.
     fn so_far(&self, garment: &str, of: usize) -> String {
         let kinds = [&self.failed, &self.in_body, &self.crossed, &self.stretched];
@@ -131,11 +135,12 @@ pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
         let result = one(&avatar, &outfits[garment], (body as u64 + 1, moment));
         let name = format!("body {body}, {}", moment.name);
         let mut tallies = tallies.lock().expect("nobody panics holding it");
+        let before = tallies[garment].faults();
         tallies[garment].add(&name, result, since.elapsed().as_secs_f64());
         let tally = &tallies[garment];
         eprintln!("{}", tally.so_far(GARMENTS[garment], n));
-        if tally.cases.is_multiple_of(20) {
-            eprintln!("{}", tally.words(GARMENTS[garment]));
+        if tally.faults() > before {
+            eprintln!("  {name}");
         }
     });
     let tallies = tallies.into_inner().expect("nobody panicked holding it");
