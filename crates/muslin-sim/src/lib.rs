@@ -40,4 +40,4 @@ pub use cloth::{Cloth, Material, SimError};
 pub use drape::{Options, drape, drape_while};
 pub use quality::{Energies, Settled, stretch};
 pub use relief::{Relief, relieve};
-pub use simulate::{CHECKPOINT, Moment, State, Walk, simulate};
+pub use simulate::{CHECKPOINT, Moment, State, Walk, simulate, simulate_while};

@@ -8,7 +8,7 @@ use muslin_geom::Surface;
 use crate::{
     clean,
     cloth::{Cloth, SimError, finite, same},
-    drape::Options,
+    drape::{Options, asked},
     flesh::Flesh,
     stage::{Pace, Stage},
     weave::Weave,
@@ -71,6 +71,17 @@ pub fn simulate(
     cloth: &Cloth,
     (start, resume): (&[DVec3], Option<&State>),
     (walk, options): (&Walk<'_>, &Options),
+    deliver: impl FnMut(&Moment<'_>) -> ControlFlow<()> + Send,
+) -> Result<(), SimError> {
+    simulate_while(cloth, (start, resume), (walk, options, &|| true), deliver)
+}
+
+/// [`simulate`], for as long as `go_on` says so: it is asked before every frame, those of the
+/// lead-in included, and where it says no the answer is [`SimError::Stopped`].
+pub fn simulate_while(
+    cloth: &Cloth,
+    (start, resume): (&[DVec3], Option<&State>),
+    (walk, options, go_on): (&Walk<'_>, &Options, GoOn<'_>),
     mut deliver: impl FnMut(&Moment<'_>) -> ControlFlow<()> + Send,
 ) -> Result<(), SimError> {
     let weave = Weave::new(cloth)?;
@@ -78,9 +89,15 @@ pub fn simulate(
     finite("start vertex", start)?;
     finite("body vertex", walk.rest)?;
     // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
-    let mut run = || Run::new(&weave, cloth, (start, resume), (walk, options))?.all(&mut deliver);
+    let mut run = || {
+        let run = Run::new(&weave, cloth, (start, resume), (walk, options))?;
+        run.all(go_on, &mut deliver)
+    };
     rayon::join(&mut run, || ()).0
 }
+
+/// Whether to go on; asked from any thread.
+type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
 
 struct Run<'a> {
     stage: Stage<'a>,
@@ -136,15 +153,17 @@ impl<'a> Run<'a> {
 
     fn all(
         mut self,
+        go_on: GoOn<'_>,
         deliver: &mut impl FnMut(&Moment<'_>) -> ControlFlow<()>,
     ) -> Result<(), SimError> {
         while self.frame < self.walk.frames {
+            asked(go_on)?;
             let body = self.flesh.frame(self.frame)?;
             let before = self.stage.steps;
             if self.frame <= self.walk.lead {
                 self.stage.follow(&body)?;
                 if self.frame == self.walk.lead {
-                    self.stage.settle(&|| true)?;
+                    self.stage.settle(go_on)?;
                     self.set_off()?;
                 }
             } else {

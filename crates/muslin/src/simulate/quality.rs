@@ -116,8 +116,9 @@ impl Quality {
         }
         for s in self.strained.iter().filter(|s| s.beyond > 0) {
             out.push(format!(
-                "{} is stretched beyond its fabric's limit in {} frames, by {:.1} % at worst; try --cut loose",
+                "{} is stretched beyond its fabric's limit of {:.1} % in {} frames, to {:.1} % at worst; try --cut loose",
                 s.name,
+                s.limit.unwrap_or(f64::NAN) * 100.0,
                 s.beyond,
                 s.max * 100.0
             ));

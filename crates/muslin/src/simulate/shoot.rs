@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use muslin_io::Journal;
-use muslin_sim::{Moment, Options, State, Walk, simulate};
+use muslin_sim::{Moment, Options, SimError, State, Walk, simulate_while};
 
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
@@ -36,22 +36,25 @@ pub fn shoot(set: &Set, (part, resume): (&Path, bool), watch: &mut Watch) -> Res
         at: &at,
     };
     watch.progress("on the way from the rest pose into the motion");
+    let may_go_on = watch.may_go_on();
     let (mut stopped, mut pace) = (Ok(()), Pace::new(take.reel.len()));
     let deliver = |moment: &Moment| {
         stopped = take.frame(moment, pace.lap());
         watch.progress(&pace.text(take.reel.len(), set.moving.frames()));
-        stopped = stopped
-            .clone()
-            .and_then(|()| watch.go_on().map_err(|f| take.hint(f)));
         match stopped {
             Ok(()) => ControlFlow::Continue(()),
             Err(_) => ControlFlow::Break(()),
         }
     };
     let start = (set.start.as_slice(), state.as_ref());
-    simulate(&set.cloth, start, (&walk, &Options::default()), deliver)
-        .map_err(|e| Failure::new(Exit::Numbers, "simulate", e.to_string()))?;
+    let how = (&walk, &Options::default(), &may_go_on as _);
+    let ended = simulate_while(&set.cloth, start, how, deliver);
     stopped?;
+    match ended {
+        Err(SimError::Stopped) => watch.go_on().map_err(|f| take.hint(f))?,
+        Err(e) => return Err(Failure::new(Exit::Numbers, "simulate", e.to_string())),
+        Ok(()) => {}
+    }
     take.keep(None)?;
     Ok(take.reel)
 }

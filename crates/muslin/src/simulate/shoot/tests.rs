@@ -76,6 +76,16 @@ fn a_stopped_simulation_goes_on_to_the_same_bits() {
 }
 
 #[test]
+fn a_simulation_stops_on_the_way_into_the_motion_too() {
+    let avatar = Avatar::embedded().expect("the embedded body");
+    let (set, part, flag) = (set(&avatar, 3), place("early"), AtomicUsize::new(15));
+    let mut watch = Watch::nobody().stopping_at(&flag);
+    let fault = shoot(&set, (&part.0, false), &mut watch).expect_err("it was stopped");
+    assert_eq!(fault.exit, Exit::Terminated);
+    assert!(fault.what.contains("nothing was written") && !part.0.exists());
+}
+
+#[test]
 fn other_inputs_are_refused_by_name() {
     let avatar = Avatar::embedded().expect("the embedded body");
     let mut set = set(&avatar, 40);
