@@ -1,0 +1,110 @@
+//! Cloth over time: free fall, the same bits on any number of threads and after a stop.
+
+#[allow(dead_code, reason = "a part of the scenes is for other tests")]
+mod scenes;
+
+use std::ops::ControlFlow;
+
+use glam::{DVec2, DVec3};
+use muslin_sim::{CHECKPOINT, Cloth, Moment, Options, State, Walk, simulate};
+use scenes::{capsule, cotton, cut, grid};
+
+/// A level square of cloth, `height` above the origin.
+fn sheet(cells: usize, height: f64) -> (Cloth, Vec<DVec3>) {
+    let (flat, faces) = grid(DVec2::splat(0.3), [cells, cells]);
+    let rest = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
+    let place = |p: &DVec2| DVec3::new(p.x - 0.15, height, 0.15 - p.y);
+    let start: Vec<DVec3> = flat.iter().map(place).collect();
+    (cut(start.len(), faces, rest, cotton()), start)
+}
+
+/// What a run delivers: all frames, the states to resume from.
+#[derive(Default, PartialEq, Debug)]
+struct Film {
+    frames: Vec<Vec<DVec3>>,
+    met: usize,
+    states: Vec<State>,
+}
+
+/// A ball under the sheet that goes to the side and up and down, `frames` at 60 a second.
+fn film(frames: usize, threads: usize, resume: Option<&State>) -> Film {
+    let (cloth, start) = sheet(14, 0.13);
+    let (ball, faces) = capsule(DVec3::ZERO, DVec3::Y * 1e-6, 0.12, 32);
+    let at = |k: usize| {
+        let t = k as f64 / 60.0;
+        let way = DVec3::new(0.6 * t, 0.05 * (9.0 * t).sin(), 0.0);
+        ball.iter().map(|p| *p + way).collect()
+    };
+    let walk = Walk {
+        faces: &faces,
+        rest: &ball,
+        frames,
+        lead: 0,
+        fps: 60.0,
+        at: &at,
+    };
+    let mut film = Film::default();
+    let keep = |m: &Moment<'_>| {
+        film.frames.push(m.verts.to_vec());
+        film.met += m.body_intersections;
+        film.states.extend(m.state.cloned());
+        ControlFlow::Continue(())
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let run = || simulate(&cloth, (&start, resume), (&walk, &Options::default()), keep);
+    pool.expect("threads").install(run).expect("a valid scene");
+    film
+}
+
+#[test]
+fn frames_are_the_same_bits_on_any_number_of_threads() {
+    let one = film(20, 1, None);
+    assert_eq!(one.frames.len(), 20);
+    assert_eq!(one.met, 0, "cloth in the ball");
+    assert_eq!(one, film(20, 2, None));
+    assert_eq!(one, film(20, 3, None));
+}
+
+#[test]
+fn a_run_that_was_stopped_goes_on_to_the_same_bits() {
+    let whole = film(CHECKPOINT + 12, 2, None);
+    assert_eq!(whole.states.len(), 1);
+    let rest = film(CHECKPOINT + 12, 2, Some(&whole.states[0]));
+    assert_eq!(rest.frames.len(), 12);
+    assert_eq!(rest.frames, whole.frames[CHECKPOINT..]);
+}
+
+#[test]
+fn a_sheet_falls_freely_past_ten_metres_a_second() {
+    let (cloth, start) = sheet(6, 0.0);
+    let (ball, faces) = capsule(DVec3::Y * -90.0, DVec3::Y * -89.0, 0.1, 8);
+    let at = |_: usize| ball.clone();
+    let (frames, fps) = (66, 60.0);
+    let walk = Walk {
+        faces: &faces,
+        rest: &ball,
+        frames,
+        lead: 0,
+        fps,
+        at: &at,
+    };
+    let options = Options {
+        first_steps: 0,
+        last_steps: 0,
+        ..Options::default()
+    };
+    let mut heights = Vec::new();
+    simulate(&cloth, (&start, None), (&walk, &options), |m| {
+        let mean = m.verts.iter().sum::<DVec3>() / m.verts.len() as f64;
+        heights.push(mean.y);
+        ControlFlow::Continue(())
+    })
+    .expect("a valid scene");
+    // Backward Euler falls by g h² n (n + 1) / 2 in n steps: ahead of g t² / 2 by one part in n.
+    let n = (frames - 1) as f64;
+    let want = -9.81 * n * (n + 1.0) / (2.0 * fps * fps);
+    let fallen = heights[frames - 1] - heights[0];
+    assert!((fallen / want - 1.0).abs() < 1e-3, "{fallen} for {want}");
+    let speed = (heights[frames - 2] - heights[frames - 1]) * fps;
+    assert!(speed > 10.0, "{speed} m/s");
+}
