@@ -3,7 +3,7 @@
 use glam::{DAffine3, DVec3};
 use muslin_geom::Image;
 use muslin_io::Clip;
-use muslin_picture::{Camera, Options, Stage};
+use muslin_picture::{Camera, Ground, Options, Stage};
 use rayon::prelude::*;
 
 use crate::look;
@@ -41,7 +41,14 @@ pub fn pictures(set: &Set, clip: &Clip, backdrop: Backdrop) -> (Image, Vec<Image
 fn scene(set: &Set, clip: &Clip, (t, backdrop): (usize, Backdrop)) -> muslin_picture::Scene {
     let body = set.seen(t, &clip.body[t]);
     let cloth = &clip.drape.frames[t];
-    look::scene((set.avatar, &body), &set.outfit, cloth, backdrop)
+    let scene = look::scene((set.avatar, &body), &set.outfit, cloth, backdrop);
+    // One floor for all frames: who jumps leaves it.
+    let floor = clip.body.iter().map(|b| look::lowest(b));
+    let floor = floor.fold(f64::INFINITY, f64::min);
+    muslin_picture::Scene {
+        ground: scene.ground.map(|_| Ground::at(floor)),
+        ..scene
+    }
 }
 
 /// Where the body as a whole is, on the floor [m].
