@@ -7,6 +7,7 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::error::{self, Fault, IoError};
 use crate::input::mebibytes;
@@ -20,6 +21,9 @@ pub struct Written {
     pub bytes: u64,
 }
 
+/// How many outputs this process has opened.
+static OPENED: AtomicUsize = AtomicUsize::new(0);
+
 /// A folder being filled; dropped before [`commit`](Self::commit), it leaves nothing behind.
 pub struct Output {
     folder: PathBuf,
@@ -27,6 +31,8 @@ pub struct Output {
     made: Vec<PathBuf>,
     pending: Vec<Pending>,
     create: fn(&Path) -> io::Result<File>,
+    /// Tells this output from others of the same process.
+    number: usize,
 }
 
 /// A file that is whole on the disk but not yet under its name.
@@ -53,6 +59,7 @@ impl Output {
             made,
             pending: Vec::new(),
             create,
+            number: OPENED.fetch_add(1, Ordering::Relaxed),
         };
         fs::create_dir_all(folder).map_err(|e| unwritable(folder, 0, &e))?;
         let probe = output.temp("probe");
@@ -127,8 +134,8 @@ impl Output {
 
     /// A name that no other file in the folder has.
     fn temp(&self, name: &str) -> PathBuf {
-        self.folder
-            .join(format!(".{name}.{}.tmp", std::process::id()))
+        let (process, number) = (std::process::id(), self.number);
+        self.folder.join(format!(".{name}.{process}.{number}.tmp"))
     }
 }
 
@@ -351,5 +358,22 @@ mod tests {
         assert_eq!(write_file(&path, b"abc").expect("it can").bytes, 3);
         assert_eq!(fs::read(&path).expect("it is there"), b"abc");
         assert_eq!(write_file(&path, b"d").expect("it can again").path, path);
+    }
+
+    #[test]
+    fn two_outputs_of_one_process_share_a_folder() {
+        let folder = std::env::temp_dir().join(format!("muslin-two-{}", std::process::id()));
+        let mut outputs = [Output::open(&folder), Output::open(&folder)]
+            .map(|output| output.expect("a folder for temporary files"));
+        for (k, output) in outputs.iter_mut().enumerate() {
+            let bytes = [k as u8; 4];
+            output.add(&format!("{k}.bin"), &bytes).expect("space");
+        }
+        for output in outputs {
+            output.commit().expect("both are whole");
+        }
+        assert_eq!(fs::read(folder.join("0.bin")).ok(), Some(vec![0; 4]));
+        assert_eq!(fs::read(folder.join("1.bin")).ok(), Some(vec![1; 4]));
+        fs::remove_dir_all(&folder).expect("ours");
     }
 }
