@@ -1,48 +1,13 @@
 //! Every command, as a user types it: what it prints, what it writes, how it ends.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod common;
 
-fn muslin(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_muslin"))
-        .args(args)
-        .output()
-        .expect("the program starts")
-}
+use common::{Folder, errors, muslin};
+use std::path::Path;
 
 fn code(args: &[&str]) -> (Option<i32>, String) {
     let out = muslin(args);
-    (
-        out.status.code(),
-        String::from_utf8_lossy(&out.stderr).into_owned(),
-    )
-}
-
-/// A folder of its own, removed in the end.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("muslin-test-{}-{name}", std::process::id()));
-        std::fs::create_dir_all(&path).expect("a temporary folder can be made");
-        Self(path)
-    }
-
-    fn put(&self, name: &str, bytes: &[u8]) -> String {
-        let path = self.0.join(name);
-        std::fs::write(&path, bytes).expect("a temporary file can be written");
-        path.display().to_string()
-    }
-
-    fn at(&self, name: &str) -> String {
-        self.0.join(name).display().to_string()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
+    (out.status.code(), errors(&out))
 }
 
 fn names(folder: &str) -> Vec<String> {

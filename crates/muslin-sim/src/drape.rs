@@ -50,6 +50,16 @@ impl Default for Options {
     }
 }
 
+/// Whether to go on; asked from any thread.
+pub(crate) type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
+
+impl Options {
+    /// Room that cloth needs between two parts of the skin [m].
+    pub(crate) fn room(&self, cloth: &Cloth) -> f64 {
+        2.0 * self.gap + cloth.thickness_of_all()
+    }
+}
+
 /// Drapes `cloth` from `start` over a body that moves along `path`, until it rests on the last
 /// frame.
 ///
@@ -72,7 +82,7 @@ pub fn drape_while(
     cloth: &Cloth,
     start: &[DVec3],
     body: (&[Vec<DVec3>], &[[u32; 3]]),
-    options: (&Options, &(dyn Fn() -> bool + Sync)),
+    options: (&Options, GoOn<'_>),
 ) -> Result<Settled, SimError> {
     // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
     rayon::join(|| drape_inside(cloth, start, body, options), || ()).0
@@ -82,7 +92,7 @@ fn drape_inside(
     cloth: &Cloth,
     start: &[DVec3],
     (path, body_faces): (&[Vec<DVec3>], &[[u32; 3]]),
-    (options, go_on): (&Options, &(dyn Fn() -> bool + Sync)),
+    (options, go_on): (&Options, GoOn<'_>),
 ) -> Result<Settled, SimError> {
     let weave = Weave::new(cloth)?;
     same("start", start.len(), cloth.n_verts())?;
@@ -96,7 +106,7 @@ fn drape_inside(
         let skin = Surface::new(first, body_faces);
         Carrier::new(&skin, start).worn_on(&skin)
     };
-    let room = 2.0 * options.gap + cloth.thickness_of_all();
+    let room = options.room(cloth);
     let (path, relief) = relieve_path(path, body_faces, (&worn_on, AROUND), room);
     let skin = Surface::new(&path[0], body_faces);
     let mut stage = Stage::new(&weave, start, skin, cloth, *options);
@@ -118,7 +128,7 @@ fn drape_inside(
 }
 
 /// Stops where `go_on` says no.
-pub(crate) fn asked(go_on: &(dyn Fn() -> bool + Sync)) -> Result<(), SimError> {
+pub(crate) fn asked(go_on: GoOn<'_>) -> Result<(), SimError> {
     if go_on() {
         Ok(())
     } else {

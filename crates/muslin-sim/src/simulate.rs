@@ -8,7 +8,7 @@ use muslin_geom::Surface;
 use crate::{
     clean,
     cloth::{Cloth, SimError, finite, same},
-    drape::{Options, asked},
+    drape::{GoOn, Options, asked},
     flesh::Flesh,
     stage::{Pace, Stage},
     weave::Weave,
@@ -96,9 +96,6 @@ pub fn simulate_while(
     rayon::join(&mut run, || ()).0
 }
 
-/// Whether to go on; asked from any thread.
-type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
-
 struct Run<'a> {
     stage: Stage<'a>,
     walk: &'a Walk<'a>,
@@ -118,7 +115,7 @@ impl<'a> Run<'a> {
     ) -> Result<Run<'a>, SimError> {
         let skin = Surface::new(walk.rest, walk.faces);
         let stage = Stage::new(weave, start, skin, cloth, *options);
-        let flesh = Flesh::new(walk, stage.worn_on(), stage.room(cloth));
+        let flesh = Flesh::new(walk, stage.worn_on(), options.room(cloth));
         let frame = resume.map_or(0, |s| s.frame);
         let mut run = Run {
             stage,

@@ -12,7 +12,7 @@ use crate::{
     carry::{self, Carrier},
     cloth::{Cloth, SimError},
     crossings,
-    drape::{Options, asked},
+    drape::{GoOn, Options, asked},
     matrix::Effort,
     near::{self, Near, Neighbours},
     newton::Problem,
@@ -135,8 +135,7 @@ impl<'a> Stage<'a> {
         }
         let from = self.body.now.verts().to_vec();
         for k in 1..=pieces {
-            let t = k as f64 / pieces as f64;
-            let between: Vec<DVec3> = from.iter().zip(frame).map(|(a, b)| a.lerp(*b, t)).collect();
+            let between = part_way((&from, frame), k as f64 / pieces as f64);
             let motions = self.motions(&between);
             self.carry(&between, &motions);
             self.calm_step()?;
@@ -207,11 +206,6 @@ impl<'a> Stage<'a> {
         self.carrier.worn_on(&self.body.now)
     }
 
-    /// Room that cloth needs between two parts of the skin [m].
-    pub fn room(&self, cloth: &Cloth) -> f64 {
-        2.0 * self.options.gap + cloth.thickness_of_all()
-    }
-
     /// Takes over a state, and knows nothing else of what was before.
     pub fn restore(&mut self, x: &[DVec3], v: &[DVec3]) {
         self.x = x.to_vec();
@@ -252,8 +246,7 @@ impl<'a> Stage<'a> {
             rounds: ROUNDS,
         };
         for k in 1..=pieces {
-            let t = k as f64 / pieces as f64;
-            let between: Vec<DVec3> = from.iter().zip(frame).map(|(a, b)| a.lerp(*b, t)).collect();
+            let between = part_way((&from, frame), k as f64 / pieces as f64);
             self.body.advance(&between);
             self.before.clone_from(&self.x);
             self.step(&pace)?;
@@ -494,7 +487,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Steps until the cloth rests or the steps run out; says which.
-    pub fn settle(&mut self, go_on: &(dyn Fn() -> bool + Sync)) -> Result<bool, SimError> {
+    pub fn settle(&mut self, go_on: GoOn<'_>) -> Result<bool, SimError> {
         let mut calm = 0;
         for k in 0..self.options.last_steps {
             asked(go_on)?;
@@ -521,6 +514,11 @@ impl<'a> Stage<'a> {
         let mut speeds: Vec<f64> = self.v.iter().map(|v| v.length()).collect();
         quality::percentile(&mut speeds, 0.99)
     }
+}
+
+/// Positions [m] at the share `t` of the straight way between two.
+fn part_way((from, to): (&[DVec3], &[DVec3]), t: f64) -> Vec<DVec3> {
+    from.iter().zip(to).map(|(a, b)| a.lerp(*b, t)).collect()
 }
 
 /// Largest distance between entries [m].
