@@ -3,9 +3,12 @@
 //! A [`Graph`] is data: tensors, constants and operations as a file states them. A [`Net`] is
 //! that graph checked, folded and packed, ready to run on one core in 32-bit floats. Images lie
 //! as rows, columns, channels (NHWC) with a batch of one.
+//!
+//! [`learn`] has the layers that networks are trained with.
 
 mod graph;
 mod kernels;
+pub mod learn;
 mod net;
 mod plan;
 mod shape;
