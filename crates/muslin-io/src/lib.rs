@@ -7,6 +7,7 @@
 pub mod bvh;
 mod clip;
 mod error;
+pub mod garmentcode;
 mod glb;
 mod input;
 mod journal;
