@@ -210,6 +210,12 @@ pub struct Bench {
     /// Bodies, and poses for each, in the drape figures.
     #[arg(long, default_value_t = 20)]
     pub cases: usize,
+    /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this; may be given again.
+    #[arg(long)]
+    pub only: Vec<String>,
+    /// Folder for pictures of the drapes that went wrong, or of those named with --only.
+    #[arg(long)]
+    pub pictures: Option<PathBuf>,
 }
 
 /// What `list` can show.

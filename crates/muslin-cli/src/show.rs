@@ -149,10 +149,18 @@ fn bench(bench: &Bench) -> Result<(), Failure> {
         BenchKind::Body => muslin::bench::body(),
         BenchKind::Pose => muslin::bench::pose(data),
         BenchKind::Fit => muslin::bench::fit(data),
-        BenchKind::Drape => muslin::bench::drape(data, bench.cases),
+        BenchKind::Drape => muslin::bench::drape(data, &drapes(bench)),
         BenchKind::Dress => muslin::bench::dress(data),
     }?;
     print(&report)
+}
+
+fn drapes(bench: &Bench) -> muslin::bench::Drapes {
+    muslin::bench::Drapes {
+        cases: bench.cases,
+        only: bench.only.clone(),
+        pictures: bench.pictures.clone(),
+    }
 }
 
 /// Writes to standard output; a reader that has gone away is no failure.

@@ -13,7 +13,7 @@ use std::path::Path;
 use crate::failure::{Exit, Failure};
 
 pub use rooms::{body, fit, pose};
-pub use whole::{drape, dress};
+pub use whole::{Drapes, drape, dress};
 
 /// The data folder, or a failure that says how to name it.
 fn needed(data: Option<&Path>) -> Result<&Path, Failure> {

@@ -1,19 +1,21 @@
 //! Many drapes, and the whole job.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use muslin_body::Avatar;
+use muslin_io::{Output, png};
 
 use super::clock::{least_of, load, peak_memory};
 use super::{crowd, needed};
-use crate::drape::{Dressed, drape_outfit};
-use crate::dress::dress as whole_job;
+use crate::drape::{Dressed, Quality, drape_outfit};
+use crate::dress::{dress as whole_job, file_failure};
 use crate::failure::Failure;
 use crate::figure::{Sitter, body_failure};
-use crate::options::{DressOptions, Wear};
+use crate::look;
+use crate::options::{Backdrop, DressOptions, Wear};
 use crate::outfit::Outfit;
 use crate::table::Table;
 use crate::watch::Watch;
@@ -76,18 +78,18 @@ impl Tally {
         self.failed.len() + self.in_body.len() + self.crossed.len() + self.stretched.len()
     }
 
-    /// The last case, and how many of each kind there were.
-    fn so_far(&self, garment: &str, of: usize) -> String {
+    /// How many cases and faults there were.
+    fn so_far(&self, garment: &str) -> String {
         let kinds = [&self.failed, &self.in_body, &self.crossed, &self.stretched];
         let [failed, body, crossed, stretched] = kinds.map(Vec::len);
         format!(
-            "{garment} {}/{of}: {failed} failed, {body} in the body, {crossed} crossed, \
-             {stretched} stretched",
+            "{garment} {} ({failed} failed, {body} in the body, {crossed} crossed, \
+             {stretched} stretched)",
             self.cases
         )
     }
 
-    fn words(&self, garment: &str) -> String {
+    fn words(&self) -> String {
         let kinds = [
             ("failed", &self.failed),
             ("in the body", &self.in_body),
@@ -97,16 +99,85 @@ impl Tally {
         let lines = kinds
             .into_iter()
             .filter(|(_, list)| !list.is_empty())
-            .map(|(kind, list)| format!("{garment}, {kind}: {}", list.join("; ")));
+            .map(|(kind, list)| format!("{kind}: {}", list.join("; ")));
         lines.collect::<Vec<_>>().join("\n")
     }
 }
 
-/// Tee and trousers on `cases` random bodies in `cases` recorded poses each, as many drapes at a
-/// time as there are cores, each on one of them.
-pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
+/// Which drapes to do, and what to keep of those that go wrong.
+#[derive(Clone, Debug, Default)]
+pub struct Drapes {
+    /// Bodies, and poses for each.
+    pub cases: usize,
+    /// Only cases whose name ("tee, body 3, sit01 frame 0") holds one of these; all if empty.
+    pub only: Vec<String>,
+    /// Folder for a picture of every case with a fault, or of every case named by `only`.
+    pub pictures: Option<PathBuf>,
+}
+
+/// One drape to do.
+struct Case<'a> {
+    name: String,
+    garment: usize,
+    body: u64,
+    moment: &'a crowd::Moment,
+}
+
+/// Tee and trousers on random bodies in recorded poses, as many drapes at a time as there are
+/// cores, each on one of them.
+pub fn drape(data: Option<&Path>, drapes: &Drapes) -> Result<String, Failure> {
     let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
-    let moments = crowd::moments(needed(data)?, cases)?;
+    let moments = crowd::moments(needed(data)?, drapes.cases)?;
+    let outfits = GARMENTS.map(|garment| {
+        let options = DressOptions {
+            outfit: vec![Wear::parse(garment)],
+            ..Default::default()
+        };
+        Outfit::make(&avatar, &options, |_| {})
+    });
+    let outfits: Vec<Outfit> = outfits.into_iter().collect::<Result<_, _>>()?;
+    let cases = all_cases(&moments, drapes);
+    let tallies = Mutex::new(GARMENTS.map(|_| Tally::default()));
+    in_turns(cases.len(), |turn| {
+        let case = &cases[turn];
+        let since = Instant::now();
+        let result = one(&avatar, &outfits[case.garment], case, drapes);
+        let mut tallies = tallies.lock().expect("nobody panics holding it");
+        let before = tallies[case.garment].faults();
+        tallies[case.garment].add(&case.name, result, since.elapsed().as_secs_f64());
+        let all: Vec<String> = tallies
+            .iter()
+            .zip(GARMENTS)
+            .map(|(t, g)| t.so_far(g))
+            .collect();
+        let faulty = tallies[case.garment].faults() > before;
+        let name = if faulty { case.name.as_str() } else { "" };
+        eprintln!("{}/{}: {}  {name}", turn + 1, cases.len(), all.join("; "));
+    });
+    let tallies = tallies.into_inner().expect("nobody panicked holding it");
+    Ok(format!("{}\n{}", told(tallies), load()))
+}
+
+/// Every garment on every body at every moment, far apart in order.
+fn all_cases<'a>(moments: &'a [crowd::Moment], drapes: &Drapes) -> Vec<Case<'a>> {
+    let n = drapes.cases * drapes.cases;
+    let case = |turn: usize| {
+        let (k, garment) = (scattered(turn / GARMENTS.len(), n), turn % GARMENTS.len());
+        let (body, moment) = (k / drapes.cases, &moments[k % drapes.cases]);
+        Case {
+            name: format!("{}, body {body}, {}", GARMENTS[garment], moment.name),
+            garment,
+            body: body as u64 + 1,
+            moment,
+        }
+    };
+    let wanted = |c: &Case<'_>| {
+        drapes.only.is_empty() || drapes.only.iter().any(|part| c.name.contains(part))
+    };
+    (0..n * GARMENTS.len()).map(case).filter(wanted).collect()
+}
+
+fn told(tallies: [Tally; 2]) -> String {
     let mut table = Table::new(&[
         "garment",
         "cases",
@@ -118,43 +189,12 @@ pub fn drape(data: Option<&Path>, cases: usize) -> Result<String, Failure> {
         "median s",
         "worst s",
     ]);
-    let outfits = GARMENTS.map(|garment| {
-        let options = DressOptions {
-            outfit: vec![Wear::parse(garment)],
-            ..Default::default()
-        };
-        Outfit::make(&avatar, &options, |_| {})
-    });
-    let outfits: Vec<Outfit> = outfits.into_iter().collect::<Result<_, _>>()?;
-    let tallies = Mutex::new(GARMENTS.map(|_| Tally::default()));
-    let n = cases * cases;
-    in_turns(n * GARMENTS.len(), |turn| {
-        let (k, garment) = (scattered(turn / GARMENTS.len(), n), turn % GARMENTS.len());
-        let (body, moment) = (k / cases, &moments[k % cases]);
-        let since = Instant::now();
-        let result = one(&avatar, &outfits[garment], (body as u64 + 1, moment));
-        let name = format!("body {body}, {}", moment.name);
-        let mut tallies = tallies.lock().expect("nobody panics holding it");
-        let before = tallies[garment].faults();
-        tallies[garment].add(&name, result, since.elapsed().as_secs_f64());
-        let tally = &tallies[garment];
-        eprintln!("{}", tally.so_far(GARMENTS[garment], n));
-        if tally.faults() > before {
-            eprintln!("  {name}");
-        }
-    });
-    let tallies = tallies.into_inner().expect("nobody panicked holding it");
     let mut words = Vec::new();
     for (garment, mut tally) in GARMENTS.into_iter().zip(tallies) {
         table.row(tally.row(garment));
-        words.push(tally.words(garment));
+        words.push(tally.words());
     }
-    Ok(format!(
-        "{}\n{}\n{}",
-        table.text(),
-        words.join("\n"),
-        load()
-    ))
+    format!("{}\n{}", table.text(), words.join("\n"))
 }
 
 /// What is tried on.
@@ -179,12 +219,44 @@ fn scattered(k: usize, n: usize) -> usize {
 fn one(
     avatar: &Avatar,
     outfit: &Outfit,
-    (seed, moment): (u64, &crowd::Moment),
+    case: &Case<'_>,
+    drapes: &Drapes,
 ) -> Result<Dressed, Failure> {
-    let shape = crowd::stranger(seed);
+    let shape = crowd::stranger(case.body);
     let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
-    let sitter = Sitter::new(avatar, &shape, moment.pose(avatar, &figure)?)?;
-    drape_outfit(avatar, outfit, &sitter, &Watch::nobody())
+    let sitter = Sitter::new(avatar, &shape, case.moment.pose(avatar, &figure)?)?;
+    let dressed = drape_outfit(avatar, outfit, &sitter, &Watch::nobody())?;
+    if let Some(folder) = &drapes.pictures {
+        if !drapes.only.is_empty() || faulty(&dressed.quality) {
+            picture(folder, (avatar, &sitter), (outfit, &dressed), &case.name)?;
+        }
+    }
+    Ok(dressed)
+}
+
+fn faulty(quality: &Quality) -> bool {
+    let s = &quality.settled;
+    s.body_intersections + s.self_crossings > 0 || !quality.within_limits()
+}
+
+/// Front picture of a case, named like it.
+fn picture(
+    folder: &Path,
+    (avatar, sitter): (&Avatar, &Sitter),
+    (outfit, dressed): (&Outfit, &Dressed),
+    name: &str,
+) -> Result<(), Failure> {
+    let sitter = sitter.with_skin(avatar, &dressed.quality.settled.body);
+    let who = (avatar, sitter.posed.verts.as_slice());
+    let scene = look::scene(who, outfit, &dressed.drape.frames[0], Backdrop::default());
+    let front = look::front(&look::stage(&scene));
+    let mut output = Output::open(folder).map_err(|e| file_failure(&e))?;
+    let file = format!("{}.png", name.replace([',', ' '], "-"));
+    output
+        .add(&file, &png(&front))
+        .map_err(|e| file_failure(&e))?;
+    output.commit().map_err(|e| file_failure(&e))?;
+    Ok(())
 }
 
 /// `work(k)` for `0..n`, each on a thread of its own that no other work enters.
