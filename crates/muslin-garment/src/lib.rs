@@ -1,5 +1,6 @@
 //! What is worn: fabric, recipe, layers, binding to a body.
 
+mod brought;
 mod error;
 mod fabric;
 mod form;
@@ -8,7 +9,9 @@ mod outfit;
 mod panels;
 mod pattern;
 mod recipe;
+mod relax;
 mod settle;
+mod sewing;
 mod sheet;
 mod stand;
 mod tube;
@@ -19,3 +22,4 @@ pub use garment::{Garment, Rim, Worn};
 pub use outfit::Outfit;
 pub use panels::{Curve, Panel, Seam, SewingPattern};
 pub use recipe::{Cut, Opening, Recipe, Side, Tee, Trousers};
+pub use sewing::Sewn;

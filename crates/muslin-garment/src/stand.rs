@@ -106,7 +106,7 @@ fn highest(base: &Figure, mut range: std::ops::Range<usize>) -> Option<u32> {
 }
 
 /// How much of every vertex hangs on the bones of one limb.
-fn limb_share(avatar: &Avatar, names: &[&str], side: &str) -> Vec<f64> {
+pub(crate) fn limb_share(avatar: &Avatar, names: &[&str], side: &str) -> Vec<f64> {
     let rig = avatar.rig();
     let on_limb: Vec<bool> = (rig.bones.iter())
         .map(|b| b.name.ends_with(side) && names.iter().any(|n| b.name.starts_with(n)))
