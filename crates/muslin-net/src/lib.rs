@@ -11,6 +11,7 @@ mod kernels;
 pub mod learn;
 mod net;
 mod plan;
+mod room;
 mod shape;
 mod simd;
 
