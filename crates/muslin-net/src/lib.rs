@@ -14,6 +14,8 @@ mod plan;
 mod room;
 mod shape;
 mod simd;
+mod weights;
 
 pub use graph::{Activation, Graph, Kind, Node, Padding, Tensor, Window};
 pub use net::{Net, NetError, Scratch};
+pub use weights::{Array, Numbers, Weights};
