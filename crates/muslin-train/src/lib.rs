@@ -22,10 +22,15 @@ mod laws;
 mod lesson;
 mod pack;
 mod pool;
+mod prepare;
 mod skin;
 mod state;
+#[cfg(test)]
+mod testing;
 mod trainer;
+mod update;
 mod weights;
+mod work;
 
 pub use error::TrainError;
 pub use lesson::{Lesson, Plan};
