@@ -350,6 +350,8 @@ pub enum BenchKind {
     Drape,
     /// The whole job.
     Dress,
+    /// Cloth against what physics says of it: falling, hanging, bending, sliding, draping.
+    Cloth,
 }
 
 /// Names of [`Cut`].
