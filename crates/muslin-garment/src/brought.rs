@@ -6,7 +6,7 @@
 
 use crate::garment::{Garment, Rim, Worn};
 use crate::recipe::{Opening, Side};
-use crate::relax::{Elastic, Outside, Round};
+use crate::relax::{Elastic, Memory, Outside, Round};
 use crate::settle::Net;
 use crate::sheet::{Row, blend};
 use crate::stand::{BodyMap, Stand};
@@ -97,6 +97,24 @@ impl Garment {
     }
 }
 
+impl Garment {
+    /// The same brought garment, lying around the default body as at `verts` [m]: what a solver
+    /// made of it. A garment that was cut by a recipe stays as it is.
+    pub fn resting(self, avatar: &Avatar, verts: Vec<DVec3>) -> Result<Garment, GarmentError> {
+        let Some(brought) = self.brought else {
+            return Ok(self);
+        };
+        let fitted = Fitted {
+            name: self.name,
+            panel: self.panel,
+            panels: brought.panels,
+            cloth: brought.cloth,
+            verts,
+        };
+        Garment::bring(avatar, fitted)
+    }
+}
+
 impl Brought {
     /// The garment on a body, outside of the cloth `under` it.
     pub fn put_on(
@@ -135,14 +153,17 @@ impl Brought {
             gap: BETWEEN,
             rim: Some(rim),
         }));
-        let mut hints = Vec::new();
+        let mut memory = Memory::default();
         for round in 0..ROUNDS {
             let how = Round {
                 stitch: 0.0,
                 smooth: if round < ROUNDS / 2 { 0.3 } else { 0.05 },
                 most: 0.01,
             };
-            self.cloth.round(x, (&outside, &mut hints), &how);
+            if round % 5 == 4 {
+                self.cloth.find_crossings(x, &mut memory);
+            }
+            self.cloth.round(x, (&outside, &mut memory), &how);
         }
     }
 
@@ -274,5 +295,12 @@ impl Garment {
                 .copied()
                 .collect(),
         }
+    }
+}
+
+impl Garment {
+    /// Vertices of a brought garment on the default body [m]; none of one that was cut.
+    pub(crate) fn brought_verts(&self) -> &[DVec3] {
+        self.brought.as_ref().map_or(&[], |b| &b.verts)
     }
 }

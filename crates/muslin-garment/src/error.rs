@@ -37,4 +37,10 @@ pub enum GarmentError {
         /// The panels that meet.
         panels: [String; 2],
     },
+    /// A mesh that cannot be worn.
+    #[error("this mesh cannot be worn: {what}")]
+    Mesh {
+        /// Why, and what to do.
+        what: String,
+    },
 }

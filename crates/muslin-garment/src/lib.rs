@@ -3,6 +3,7 @@
 mod brought;
 mod error;
 mod fabric;
+mod fitting;
 mod form;
 mod garment;
 mod outfit;
@@ -18,6 +19,7 @@ mod tube;
 
 pub use error::GarmentError;
 pub use fabric::{Confidence, Fabric, FabricError, Look, STIFFEST, WEIGHTS, Weave};
+pub use fitting::Tailored;
 pub use garment::{Garment, Rim, Worn};
 pub use outfit::Outfit;
 pub use panels::{Curve, Panel, Seam, SewingPattern};

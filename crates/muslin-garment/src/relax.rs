@@ -7,7 +7,7 @@
 //! it never lets a vertex move far in one round, so that nothing jumps through a limb.
 
 use glam::{DVec2, DVec3};
-use muslin_geom::Surface;
+use muslin_geom::{Mesh, Surface, self_intersections};
 use rayon::prelude::*;
 
 /// Cloth with what follows from its cut.
@@ -45,9 +45,26 @@ pub(crate) struct Round {
     pub most: f64,
 }
 
+/// What a run of rounds remembers from one to the next.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Memory {
+    /// A near face of each surface for each vertex.
+    hints: Vec<Vec<u32>>,
+    /// Where cloth has to leave cloth that it passed through.
+    apart: Vec<Touch>,
+    /// The fewest crossings found so far.
+    fewest: Option<usize>,
+}
+
 /// A vertex on the skin: outward direction, and how far along it the vertex must be [m].
 type Touch = Option<(DVec3, f64)>;
 
+/// Faces whose normals' cosine is above this do not face each other.
+const FACING: f64 = 0.2;
+/// Growth of the number of crossings at which leading apart is given up.
+const WORSE: usize = 3;
+/// How far crossing cloth is led apart [m].
+const APART: f64 = 3e-3;
 /// Strength of the skin against that of the cloth.
 const SKIN: f64 = 8.0;
 /// Strength with which a vertex stays where it was.
@@ -55,7 +72,7 @@ const STAY: f64 = 0.02;
 /// Rounds of conjugate gradients.
 const SOLVES: usize = 24;
 /// How far from a vertex the skin is looked for [m].
-const REACH: f64 = 0.06;
+const REACH: f64 = 0.1;
 
 impl Elastic {
     pub fn new(faces: Vec<[u32; 3]>, rest: Vec<[DVec2; 3]>, n_verts: usize) -> Elastic {
@@ -100,17 +117,21 @@ impl Elastic {
         self
     }
 
-    /// One round; `hints` remembers a near face of each surface for each vertex.
+    /// One round outside of all these.
     pub fn round(
         &self,
         x: &mut [DVec3],
-        (outside, hints): (&[Outside], &mut Vec<Vec<u32>>),
+        (outside, memory): (&[Outside], &mut Memory),
         how: &Round,
     ) {
+        let hints = &mut memory.hints;
         hints.resize_with(outside.len(), || vec![0; x.len()]);
-        let touches: Vec<Vec<Touch>> = (outside.iter().zip(hints))
+        let mut touches: Vec<Vec<Touch>> = (outside.iter().zip(hints))
             .map(|(o, hints)| touches(o, x, hints))
             .collect();
+        if !memory.apart.is_empty() {
+            touches.push(memory.apart.clone());
+        }
         let turned = self.turned(x);
         let right: Vec<DVec3> = (0..x.len())
             .into_par_iter()
@@ -147,6 +168,45 @@ impl Elastic {
         }
         let held = touches.iter().filter_map(|t| t[i]);
         sum + held.map(|(n, d)| n * (d * SKIN)).sum::<DVec3>()
+    }
+
+    /// Looks where cloth passes through cloth, for the next rounds to mend; says in how many
+    /// places.
+    ///
+    /// Where two pieces face each other, as sleeve and side do in an armpit, each belongs on the
+    /// outer side of the other. Others are left alone: which is over which is not known.
+    pub fn find_crossings(&self, x: &[DVec3], memory: &mut Memory) -> usize {
+        let mesh = Mesh {
+            verts: x.to_vec(),
+            faces: self.faces.clone(),
+        };
+        let pairs = self_intersections(&mesh);
+        let fewest = memory.fewest.map_or(pairs.len(), |f| f.min(pairs.len()));
+        memory.fewest = Some(fewest);
+        if pairs.is_empty() || pairs.len() > WORSE * fewest + WORSE * 10 {
+            // The guess which side is which was wrong; shape and smoothness do better alone.
+            memory.apart.clear();
+            return pairs.len();
+        }
+        let mut apart: Vec<Touch> = vec![None; x.len()];
+        for [a, b] in pairs.iter().flat_map(|&[a, b]| [[a, b], [b, a]]) {
+            let corners = |f: u32| self.faces[f as usize].map(|i| x[i as usize]);
+            let normal = |[p, q, r]: [DVec3; 3]| (q - p).cross(r - p).normalize_or_zero();
+            let (n, wall) = (normal(corners(b)), corners(b)[0]);
+            if normal(corners(a)).dot(n) > FACING {
+                continue;
+            }
+            for i in self.faces[a as usize] {
+                let (slot, p) = (&mut apart[i as usize], x[i as usize]);
+                let deeper = |t: &(DVec3, f64)| t.1 - t.0.dot(p);
+                let new = (n, n.dot(wall) + APART);
+                if deeper(&new) > slot.as_ref().map_or(0.0, deeper) {
+                    *slot = Some(new);
+                }
+            }
+        }
+        memory.apart = apart;
+        pairs.len()
     }
 
     /// How far each pair of an open seam still is apart, at most [m].
@@ -353,9 +413,9 @@ mod tests {
             smooth: 0.01,
             most: 0.05,
         };
-        let mut hints = Vec::new();
+        let mut memory = Memory::default();
         for _ in 0..200 {
-            cloth.round(&mut x, (&[], &mut hints), &how);
+            cloth.round(&mut x, (&[], &mut memory), &how);
         }
         let worst = cloth
             .strains(&x)

@@ -5,7 +5,7 @@ mod growing;
 
 use crate::brought::Fitted;
 use crate::panels::{Panel, SewingPattern};
-use crate::relax::{Elastic, Outside, Round};
+use crate::relax::{Elastic, Memory, Outside, Round};
 use crate::stand::{BodyMap, Stand};
 use crate::{Garment, GarmentError};
 use glam::{DAffine3, DVec2, DVec3};
@@ -54,7 +54,7 @@ impl Garment {
         let stand = Stand::new(&map, &base);
         let mut body = Growing::new(avatar, &stand);
         let grains = arrange::grains(pattern, &stand);
-        let rough = cut(pattern, (ROUGH * edge).max(0.025))?;
+        let rough = cut(pattern, (ROUGH * edge).clamp(0.025, 0.03))?;
         let x = placed(&rough, &arrange::arrange(pattern, &stand));
         let x = draw_together((&rough, &rest(pattern, &rough, &grains)), x, &body);
         let pieces = cut(pattern, edge)?;
@@ -202,7 +202,7 @@ fn draw_together(
 ) -> Vec<DVec3> {
     let cloth = Elastic::new(pieces.faces.clone(), rest.to_vec(), x.len());
     let cloth = cloth.stitched(&pieces.stitches);
-    let mut hints = Vec::new();
+    let mut memory = Memory::default();
     for round in 0..DRAW {
         let t = round as f64 / DRAW as f64;
         let grown = (2.0 * t - 0.6).clamp(0.0, 1.0);
@@ -216,7 +216,7 @@ fn draw_together(
             smooth: 0.3,
             most: 0.012,
         };
-        cloth.round(&mut x, (&outside, &mut hints), &how);
+        cloth.round(&mut x, (&outside, &mut memory), &how);
     }
     x
 }
@@ -253,7 +253,7 @@ fn close(
 ) -> (Vec<DVec3>, f64) {
     let cloth = Elastic::new(pieces.faces.clone(), rest.to_vec(), x.len());
     let cloth = cloth.stitched(&pieces.stitches);
-    let mut hints = Vec::new();
+    let mut memory = Memory::default();
     for round in 0..CLOSE {
         if round % 4 == 0 {
             body.grow((1.3 * round as f64 / CLOSE as f64).min(1.0));
@@ -268,7 +268,7 @@ fn close(
             smooth: 0.3,
             most: 0.012,
         };
-        cloth.round(&mut x, (&outside, &mut hints), &how);
+        cloth.round(&mut x, (&outside, &mut memory), &how);
     }
     let gap = cloth.gap(&x);
     (x, gap)
@@ -277,20 +277,27 @@ fn close(
 /// Rounds after the seams are merged.
 const SETTLE: usize = 40;
 
+/// More rounds while cloth passes through cloth.
+const MEND: usize = 60;
+
 fn settle(cloth: &Elastic, mut x: Vec<DVec3>, (stand, edge): (&Stand, f64)) -> Vec<DVec3> {
     let outside = [Outside {
         surface: &stand.skin,
         gap: off(edge),
         rim: None,
     }];
-    let mut hints = Vec::new();
-    for round in 0..SETTLE {
+    let mut memory = Memory::default();
+    for round in 0..SETTLE + MEND {
         let how = Round {
             stitch: 0.0,
             smooth: if round < SETTLE / 2 { 0.3 } else { 0.05 },
             most: 0.01,
         };
-        cloth.round(&mut x, (&outside, &mut hints), &how);
+        let clean = round % 3 == 2 && cloth.find_crossings(&x, &mut memory) == 0;
+        if clean && round >= SETTLE {
+            break;
+        }
+        cloth.round(&mut x, (&outside, &mut memory), &how);
     }
     x
 }

@@ -97,7 +97,11 @@ fn up_or_down(panel: &Panel, stand: &Stand) -> DAffine3 {
 /// The height on our body that corresponds to one on the pattern's [m].
 fn our_height(stand: &Stand, y: f64) -> f64 {
     if y < CROTCH {
-        return stand.crotch.y * y / CROTCH;
+        let skin = stand.map.collision.as_flattened().iter();
+        let floor = skin
+            .map(|&i| stand.verts[i as usize].y)
+            .fold(f64::MAX, f64::min);
+        return floor + (stand.crotch.y - floor) * y / CROTCH;
     }
     let share = (y - CROTCH) / (NECK - CROTCH);
     stand.crotch.y + share * (stand.neck - stand.crotch.y)
