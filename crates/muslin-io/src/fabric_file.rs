@@ -100,18 +100,18 @@ fn toml(file: &str, stem: &str, text: &str) -> Result<Fabric, IoError> {
         .map_or(format!("{file}, as given"), |s| s.0);
     fabric.confidence = Confidence::Chosen;
     let figures: [(&str, f64, &mut f64); 8] = [
-        ("mass_g_m2", 1e-3, &mut fabric.density),
-        ("thickness_mm", 1e-3, &mut fabric.thickness),
+        ("mass_g_m2", 1e3, &mut fabric.density),
+        ("thickness_mm", 1e3, &mut fabric.thickness),
         ("stretch_warp_n_m", 1.0, &mut fabric.stretch_warp),
         ("stretch_weft_n_m", 1.0, &mut fabric.stretch_weft),
         ("shear_n_m", 1.0, &mut fabric.shear),
-        ("bend_warp_unm", 1e-6, &mut fabric.bend_warp),
-        ("bend_weft_unm", 1e-6, &mut fabric.bend_weft),
+        ("bend_warp_unm", 1e6, &mut fabric.bend_warp),
+        ("bend_weft_unm", 1e6, &mut fabric.bend_weft),
         ("friction", 1.0, &mut fabric.friction),
     ];
-    for (key, unit, figure) in figures {
+    for (key, per_si, figure) in figures {
         match flat.number(key)? {
-            Some(value) => *figure = value * unit,
+            Some(value) => *figure = value / per_si,
             None if like.is_some() => {}
             None => return Err(missing(file, key)),
         }
@@ -212,8 +212,8 @@ fn u3m(file: &str, text: &str) -> Result<FabricFile, IoError> {
     let name = slug(physics["name"].as_str().unwrap_or("u3m-fabric"));
     let fabric = Fabric {
         name,
-        density: number("mass")? * 1e-3,
-        thickness: number("thickness")? * 1e-3,
+        density: number("mass")? / 1e3,
+        thickness: number("thickness")? / 1e3,
         stretch_warp: number("stretch/length")?,
         stretch_weft: number("stretch/width")?,
         shear: number("shear")?,
