@@ -62,12 +62,18 @@ fn weld(mesh: &Mesh, warnings: &mut Vec<String>) -> Mesh {
     let mut known: HashMap<[i64; 3], u32> = HashMap::new();
     let mut verts = Vec::new();
     let mut used = vec![u32::MAX; mesh.verts.len()];
-    for &i in mesh.faces.as_flattened() {
-        let v = &mesh.verts[i as usize];
-        used[i as usize] = *known.entry(key(v)).or_insert_with(|| {
-            verts.push(*v);
-            verts.len() as u32 - 1
-        });
+    mesh.faces
+        .as_flattened()
+        .iter()
+        .for_each(|&i| used[i as usize] = 0);
+    // In the file's order, so that nothing is renumbered without need.
+    for (v, number) in mesh.verts.iter().zip(&mut used) {
+        if *number == 0 {
+            *number = *known.entry(key(v)).or_insert_with(|| {
+                verts.push(*v);
+                verts.len() as u32 - 1
+            });
+        }
     }
     let before = used.iter().filter(|u| **u != u32::MAX).count();
     if before > verts.len() {
@@ -109,23 +115,22 @@ fn split(mesh: &Mesh) -> Vec<Mesh> {
         }
     }
     let mut number = HashMap::new();
-    let mut parts: Vec<(Mesh, HashMap<u32, u32>)> = Vec::new();
-    for f in &mesh.faces {
-        let r = root(&mut label, f[0]);
-        let k = *number.entry(r).or_insert_with(|| {
-            parts.push((Mesh::default(), HashMap::new()));
+    let mut parts: Vec<Mesh> = Vec::new();
+    let mut own = vec![(0, 0); mesh.verts.len()];
+    for (i, v) in mesh.verts.iter().enumerate() {
+        let k = *number.entry(root(&mut label, i as u32)).or_insert_with(|| {
+            parts.push(Mesh::default());
             parts.len() - 1
         });
-        let (part, own) = &mut parts[k];
-        let f = f.map(|i| {
-            *own.entry(i).or_insert_with(|| {
-                part.verts.push(mesh.verts[i as usize]);
-                part.verts.len() as u32 - 1
-            })
-        });
-        part.faces.push(f);
+        own[i] = (k, parts[k].verts.len() as u32);
+        parts[k].verts.push(*v);
     }
-    parts.into_iter().map(|p| p.0).collect()
+    for f in &mesh.faces {
+        parts[own[f[0] as usize].0]
+            .faces
+            .push(f.map(|i| own[i as usize].1));
+    }
+    parts
 }
 
 fn root(label: &mut [u32], mut i: u32) -> u32 {

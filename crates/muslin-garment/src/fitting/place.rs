@@ -42,6 +42,8 @@ const NEAR: f64 = 0.16;
 const FAR: f64 = 0.2;
 /// A place is taken as it stands if it costs less than this [m].
 const FITS: f64 = 0.027;
+/// As far off the skin as wide clothes are on average [m].
+const WIDE: f64 = 0.09;
 /// Farther off the skin than this on average [m], it is on no part of the body.
 const LOST: f64 = 0.12;
 /// Sleeves and arms may differ by this [rad] without the arms being moved.
@@ -202,19 +204,42 @@ impl Search {
         if best.0 < FITS {
             return best;
         }
-        let steps = 14;
-        for k in 0..steps {
-            let h = 0.25 * (1.5f64 / 0.25).powf(f64::from(k) / f64::from(steps - 1));
-            let s = h / tall;
+        let scaled = self.scaled((least, tall), best.clone());
+        // A usual unit is worth more than a better fit: clothes may be wide.
+        let share = if best.0 < WIDE { 0.5 } else { 0.8 };
+        if scaled.0 < share * best.0 {
+            scaled
+        } else {
+            best
+        }
+    }
+
+    /// The best of all sizes from `least` [m] up, for a mesh as `tall` as this in its own units;
+    /// `best` if none is better.
+    fn scaled(
+        &self,
+        (least, tall): (f64, f64),
+        mut best: (f64, f64, DVec3, String),
+    ) -> (f64, f64, DVec3, String) {
+        let mut try_scale = |s: f64| {
             let (cost, shift) = self.slide(s);
-            // A known unit is worth more than a slightly better fit.
-            if cost < 0.8 * best.0 {
-                let how = format!(
-                    "units of {:.1} mm: no usual unit fits, scaled until it does",
-                    s * 1e3
-                );
+            if cost < best.0 {
+                let unit = s * 1e3;
+                let how =
+                    format!("units of {unit:.1} mm: no usual unit fits, scaled until it does");
                 best = (cost, s, shift, how);
             }
+            best.1
+        };
+        let steps = 14;
+        let mut s = 0.0;
+        for k in 0..steps {
+            let h = least * (1.5f64 / least).powf(f64::from(k) / f64::from(steps - 1));
+            s = try_scale(h / tall);
+        }
+        for step in [1.06, 1.03, 1.015] {
+            try_scale(s / step);
+            s = try_scale(s * step);
         }
         best
     }

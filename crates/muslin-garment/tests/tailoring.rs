@@ -1,0 +1,142 @@
+//! Meshes of unknown size, axes and place, fitted to the default body.
+
+use glam::{DMat3, DVec3};
+use muslin_body::{Avatar, Figure, Shape};
+use muslin_garment::{Garment, GarmentError, Opening, Recipe, Tailored, Tee};
+use muslin_geom::{Mesh, Surface, intersecting_pairs, self_intersections};
+
+fn avatar() -> Avatar {
+    Avatar::embedded().expect("the embedded avatar is sound")
+}
+
+fn figure(avatar: &Avatar) -> Figure {
+    avatar.figure(&Shape::default()).expect("the default shape")
+}
+
+fn tailored(mesh: &Mesh) -> Result<Tailored, GarmentError> {
+    Garment::tailor(&avatar(), mesh, ("thing", 0.02))
+}
+
+/// An open tube with a waist of 75 cm and a hem of 140 cm, 50 cm tall, in centimetres.
+fn skirt() -> Mesh {
+    let (n, rows) = (60u32, 26u32);
+    let mut mesh = Mesh::default();
+    for r in 0..rows {
+        let share = f64::from(r) / f64::from(rows - 1);
+        for k in 0..n {
+            let t = f64::from(k) / f64::from(n) * std::f64::consts::TAU;
+            let wide = 22.0 - 9.5 * share;
+            let at = DVec3::new(1.1 * wide * t.sin(), 50.0 * share, 0.85 * wide * t.cos());
+            mesh.verts.push(at + DVec3::new(40.0, -7.0, 3.0));
+        }
+    }
+    for r in 0..rows - 1 {
+        for k in 0..n {
+            let at = |r: u32, k: u32| r * n + k % n;
+            let (a, b, c, d) = (at(r, k), at(r, k + 1), at(r + 1, k + 1), at(r + 1, k));
+            mesh.faces.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    mesh
+}
+
+#[test]
+fn a_skirt_in_centimetres_finds_its_waist_and_is_held_there() {
+    let made = tailored(&skirt()).expect("a skirt");
+    assert!(
+        made.warnings[0].contains("centimetres"),
+        "{:?}",
+        made.warnings
+    );
+    let [g] = &made.garments[..] else {
+        panic!("one garment")
+    };
+    let waist = g.rims.iter().find(|r| r.opening == Opening::Waist);
+    assert_eq!(g.pins.len(), waist.expect("a waist").verts.len());
+    let avatar = avatar();
+    let figure = figure(&avatar);
+    let worn = g.worn(&avatar, &figure, &[]).expect("worn");
+    let cloth = Mesh {
+        verts: worn.verts,
+        faces: g.faces.clone(),
+    };
+    let skin = Mesh {
+        verts: figure.verts,
+        faces: avatar.collision_faces().to_vec(),
+    };
+    assert_eq!(intersecting_pairs(&cloth, &skin).len(), 0);
+    assert_eq!(self_intersections(&cloth).len(), 0);
+    // Triangles of about the asked size stay those of the file.
+    assert_eq!(cloth.verts.len(), skirt().verts.len());
+}
+
+#[test]
+fn a_shirt_in_millimetres_lying_on_its_back_is_stood_up_where_it_came_from() {
+    let avatar = avatar();
+    let figure = figure(&avatar);
+    let tee = Tee {
+        edge: 0.02,
+        ..Tee::default()
+    };
+    let tee = Garment::make(&avatar, &Recipe::Tee(tee)).expect("in range");
+    let worn = tee.worn(&avatar, &figure, &[]).expect("worn");
+    let turn = DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let mesh = Mesh {
+        verts: worn.verts.iter().map(|v| turn * *v * 1e3).collect(),
+        // Inside out, as some programs write.
+        faces: tee.faces.iter().map(|f| [f[0], f[2], f[1]]).collect(),
+    };
+    let made = tailored(&mesh).expect("a shirt");
+    assert!(
+        made.warnings[0].contains("millimetres") && made.warnings[0].contains("Z up"),
+        "{:?}",
+        made.warnings
+    );
+    let g = &made.garments[0];
+    let again = g.worn(&avatar, &figure, &[]).expect("worn");
+    let before = Surface::new(&worn.verts, &tee.faces);
+    let off = |v: &DVec3| before.closest(*v, 0.2).map_or(0.2, |h| h.signed.abs());
+    let mean = again.verts.iter().map(off).sum::<f64>() / again.verts.len() as f64;
+    assert!(mean < 0.012, "{mean}");
+    let outward = |(a, b): (&[u32; 3], &[u32; 3])| a == b;
+    assert!(
+        g.faces
+            .iter()
+            .zip(&tee.faces)
+            .filter(|p| outward(*p))
+            .count()
+            > 0
+    );
+}
+
+#[test]
+fn what_is_no_garment_is_refused_in_words() {
+    let closed = {
+        let mut mesh = skirt();
+        let (n, last) = (60u32, 25 * 60u32);
+        for ring in [0, last] {
+            for k in 1..n - 1 {
+                let f = [ring, ring + k, ring + k + 1];
+                mesh.faces
+                    .push(if ring == 0 { [f[0], f[2], f[1]] } else { f });
+            }
+        }
+        mesh
+    };
+    let err = tailored(&closed).expect_err("a closed shell").to_string();
+    assert!(
+        err.contains("closed") && err.contains("cut openings"),
+        "{err}"
+    );
+    let loose = Mesh {
+        verts: (0..300)
+            .map(|i| DVec3::new(f64::from(i), f64::from(i % 7), 0.0))
+            .collect(),
+        faces: (0..100).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+    };
+    let err = tailored(&loose).expect_err("loose triangles").to_string();
+    assert!(
+        err.contains("no piece has more than a few triangles"),
+        "{err}"
+    );
+}
