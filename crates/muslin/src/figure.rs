@@ -1,7 +1,8 @@
 //! A body to dress: who, how they stand, and how they get there from the rest pose.
 
 use glam::DVec3;
-use muslin_body::{Avatar, Figure, Part, Pose, Posed, Shape};
+use muslin_body::{Avatar, BodyError, Figure, Part, Pose, Posed, Shape};
+use muslin_sim::relieve;
 
 use crate::failure::{Exit, Failure};
 
@@ -14,11 +15,11 @@ pub struct Sitter {
     pub pose: Pose,
     /// The body in that pose.
     pub posed: Posed,
-    /// By how much the upper arms were turned to make room for cloth at most [rad].
-    pub arms_turned: f64,
+    /// By how much limbs were turned to make room for cloth at most [rad].
+    pub turned: f64,
 }
 
-/// Room that hands and forearms leave for cloth [m].
+/// Room that hands, forearms, shins and feet leave for cloth [m].
 const ROOM: f64 = 0.012;
 
 impl Sitter {
@@ -27,9 +28,10 @@ impl Sitter {
         let figure = avatar.figure(shape).map_err(|e| body_failure(&e))?;
         pose.relax_hands(avatar, &figure)
             .map_err(|e| body_failure(&e))?;
-        let arms_turned = pose
+        let turned = pose
             .make_room(avatar, &figure, ROOM)
             .map_err(|e| body_failure(&e))?;
+        let unfolded = unfold(avatar, &figure, &mut pose).map_err(|e| body_failure(&e))?;
         let posed = avatar.pose(&figure, &pose);
         if posed.verts.iter().any(|v| !v.is_finite()) {
             return Err(Failure::new(
@@ -42,7 +44,7 @@ impl Sitter {
             figure,
             pose,
             posed,
-            arms_turned,
+            turned: turned.max(unfolded),
         })
     }
 
@@ -77,6 +79,57 @@ impl Sitter {
         };
         (0..=steps).map(frame).collect()
     }
+}
+
+/// Flesh yields this far at most; where a fold asks for more, the limb is bent less [m].
+const FOLD: f64 = 0.04;
+/// By how much less in a round [rad], and rounds at most.
+const UNBEND: f64 = 0.06;
+const ROUNDS: usize = 10;
+/// Skin this far from every such joint is not folded by it [m].
+const LEG: f64 = 0.25;
+/// Joints that fold the body so deep; at armpits flesh has always yielded enough.
+const FOLDS: [&str; 4] = [
+    "upperleg01.L",
+    "upperleg01.R",
+    "lowerleg01.L",
+    "lowerleg01.R",
+];
+
+/// Bends hips and knees less where the body folds deeper into itself than flesh
+/// yields; says by how much at most [rad].
+fn unfold(avatar: &Avatar, figure: &Figure, pose: &mut Pose) -> Result<f64, BodyError> {
+    let rest = Pose::rest(avatar);
+    let bones = FOLDS.map(|name| avatar.bone(name));
+    let bones: Vec<usize> = bones.into_iter().collect::<Result<_, _>>()?;
+    let skin = avatar.part(Part::Body);
+    let wanted = vec![true; skin.len()];
+    let mut unbent = vec![0.0; bones.len()];
+    for _ in 0..ROUNDS {
+        let posed = avatar.pose(figure, pose);
+        let (before, after) = (&figure.verts[skin.clone()], &posed.verts[skin.clone()]);
+        let relief = relieve((before, after), avatar.collision_faces(), ROOM, &wanted);
+        if relief.deepest <= FOLD {
+            break;
+        }
+        let drawn = |i: &usize| relief.verts[*i].distance(after[*i]);
+        let worst = (0..after.len()).max_by(|a, b| drawn(a).total_cmp(&drawn(b)));
+        let Some(worst) = worst else { break };
+        let away = |k: &usize| {
+            let joint = posed.bones[bones[*k]].transform_point3(figure.joints[bones[*k]]);
+            joint.distance(after[worst])
+        };
+        let nearest = (0..bones.len()).min_by(|a, b| away(a).total_cmp(&away(b)));
+        let Some(k) = nearest.filter(|k| away(k) < LEG) else {
+            break;
+        };
+        let (from, to) = (pose.rotations[bones[k]], rest.rotations[bones[k]]);
+        let bend = from.angle_between(to);
+        let less = UNBEND.min(bend);
+        pose.rotations[bones[k]] = from.slerp(to, less / bend.max(1e-9));
+        unbent[k] += less;
+    }
+    Ok(unbent.into_iter().fold(0.0, f64::max))
 }
 
 /// A body that cannot be made is the user's input out of range.
