@@ -72,6 +72,13 @@ impl Avatar {
     }
 }
 
+impl Avatar {
+    /// `world_from_rest` of every bone alone, as in [`Posed::bones`].
+    pub fn bones(&self, figure: &Figure, pose: &Pose) -> Vec<DAffine3> {
+        world_from_rest(self.rig(), figure, pose)
+    }
+}
+
 /// `world_from_rest` of every bone (see the module's own words).
 pub(crate) fn world_from_rest(rig: &Rig, figure: &Figure, pose: &Pose) -> Vec<DAffine3> {
     let mut world: Vec<DAffine3> = Vec::with_capacity(rig.n_bones());

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use muslin::{Backdrop, Cut, DressOptions, Person, SimulateOptions, Wear};
+use muslin::{
+    AnimateOptions, Backdrop, Cut, DressOptions, Person, SimulateOptions, TrainOptions, Wear,
+};
 
 /// Dresses any body in moving cloth: from a photo to a 3D figure wearing draped garments.
 #[derive(Debug, Parser)]
@@ -23,6 +25,10 @@ pub enum Verb {
     Demo(Demo),
     /// Move an outfit on a moving body: an animation of cloth.
     Simulate(Simulate),
+    /// Teach a garment to lie on a moving body, without one simulated frame.
+    Train(Train),
+    /// Play a trained garment on a motion, each frame led to rest by a few solver iterations.
+    Animate(Animate),
     /// Show what there is: garments, fabrics, poses or motions.
     List {
         /// What to list.
@@ -82,7 +88,7 @@ pub struct Common {
 /// A body and its clothes.
 #[derive(Debug, Args)]
 pub struct Wearing {
-    /// Garment, or GARMENT:FABRIC; innermost first, repeated or comma-separated
+    /// Garment or file (.json pattern, .obj mesh), or GARMENT:FABRIC; innermost first, repeated or comma-separated
     /// [default: trousers,tee; a tee for `simulate`].
     #[arg(long, visible_alias = "outfit", value_delimiter = ',')]
     pub garment: Vec<String>,
@@ -175,6 +181,106 @@ pub struct Simulate {
     pub telling: Telling,
 }
 
+/// Options of `train`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  muslin train -o tee.muslin
+  muslin train --garment tee --fabric cotton-jersey --motion clips/ --motion walk -o tee.muslin
+
+OUT.csv has the curve of the training, OUT.report.json what came of it. What is learnt is kept in
+OUT.muslin.part; after Ctrl-C or a crash the same command with --resume goes on to the same bits.")]
+pub struct Train {
+    /// The body.
+    #[arg(long, value_enum, default_value_t = BodyName::Anny)]
+    pub body: BodyName,
+    /// A built-in motion, a file (BVH, or NPZ with poses), or a folder of these, to learn from; may
+    /// be given several times [default: all built-in motions].
+    #[arg(long, value_name = "NAME|FILE|DIR")]
+    pub motion: Vec<String>,
+    /// Who wears what; one garment.
+    #[command(flatten)]
+    pub wearing: Wearing,
+    /// The model, a .muslin file.
+    #[arg(short, long, default_value = "tee.muslin")]
+    pub out: PathBuf,
+    /// Steps of learning.
+    #[arg(long, default_value_t = TrainOptions::default().steps)]
+    pub steps: u64,
+    /// Learnt shapes of the cloth that are mixed for a pose.
+    #[arg(long, default_value_t = TrainOptions::default().codes)]
+    pub codes: usize,
+    /// Poses of the motions that are learnt from, at most.
+    #[arg(long, default_value_t = TrainOptions::default().poses)]
+    pub poses: usize,
+    /// Poses mixed of those of the motions (one's arms with another's trunk), besides them.
+    #[arg(long, default_value_t = TrainOptions::default().mixed)]
+    pub mixed: usize,
+    /// Step size of the network [default: 0.001].
+    #[arg(long)]
+    pub rate: Option<f64>,
+    /// Where random numbers start.
+    #[arg(long, default_value_t = TrainOptions::default().seed)]
+    pub seed: u64,
+    /// Go on with a training that was stopped.
+    #[arg(long)]
+    pub resume: bool,
+    /// How it is told.
+    #[command(flatten)]
+    pub telling: Telling,
+}
+
+/// Options of `animate`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  muslin animate --model tee.muslin --motion walk -o walk.glb
+  muslin animate --model tee.muslin --motion dance.bvh --npz dance.npz --picture -o dance.glb
+  muslin animate --model tee.muslin --motion walk --refine 0 -o raw.glb      as predicted, unchecked
+
+OUT.report.json says how good the result is.")]
+pub struct Animate {
+    /// The model, as `muslin train` wrote it; body, garment and fabric are those it was taught with.
+    #[arg(long)]
+    pub model: PathBuf,
+    /// A built-in motion (see `muslin list motions`) or a file (BVH, or NPZ with poses).
+    #[arg(long, default_value = "walk", value_name = "NAME|FILE")]
+    pub motion: String,
+    /// Solver iterations a frame; 0 writes frames as predicted, unchecked.
+    #[arg(long, default_value_t = 5)]
+    pub refine: usize,
+    /// The animation, a .glb file.
+    #[arg(short, long, default_value = "walk.glb")]
+    pub out: PathBuf,
+    /// Also write arrays in the exchange layout.
+    #[arg(long, value_name = "FILE.npz")]
+    pub npz: Option<PathBuf>,
+    /// Also write a point cache and an OBJ of the garment and of the body into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub pc2: Option<PathBuf>,
+    /// Also draw the last frame (OUT.png) and a film (OUT.film.png, animated).
+    #[arg(long)]
+    pub picture: bool,
+    /// Frames a second, 12 to 240.
+    #[arg(long, default_value_t = 30.0)]
+    pub fps: f64,
+    /// How much of the motion [s] [default: all].
+    #[arg(long)]
+    pub seconds: Option<f64>,
+    /// Where in the motion to start [s].
+    #[arg(long, default_value_t = 0.0)]
+    pub start: f64,
+    /// Write the result even if cloth meets cloth or body somewhere.
+    #[arg(long)]
+    pub allow_crossings: bool,
+    /// What lies behind the figure.
+    #[arg(long, value_enum, default_value_t = BackdropName::Studio)]
+    pub backdrop: BackdropName,
+    /// How it is told.
+    #[command(flatten)]
+    pub telling: Telling,
+}
+
 /// Bodies that can be simulated on.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum BodyName {
@@ -244,6 +350,8 @@ pub enum BenchKind {
     Drape,
     /// The whole job.
     Dress,
+    /// Cloth against what physics says of it: falling, hanging, bending, sliding, draping.
+    Cloth,
 }
 
 /// Names of [`Cut`].
@@ -297,6 +405,64 @@ impl Simulate {
     }
 }
 
+impl Train {
+    /// The same in the library's words.
+    pub fn options(&self) -> TrainOptions {
+        let BodyName::Anny = self.body;
+        let usual = TrainOptions::default();
+        TrainOptions {
+            dress: self.wearing.options(usual.dress),
+            motion: match self.motion.is_empty() {
+                true => usual.motion,
+                false => self.motion.clone(),
+            },
+            poses: self.poses,
+            mixed: self.mixed,
+            steps: self.steps,
+            codes: self.codes,
+            seed: self.seed,
+            rate: self.rate,
+            resume: self.resume,
+        }
+    }
+}
+
+impl Animate {
+    /// The same in the library's words.
+    pub fn options(&self) -> AnimateOptions {
+        let dress = DressOptions {
+            allow_crossings: self.allow_crossings,
+            backdrop: self.backdrop.into(),
+            ..SimulateOptions::default().dress
+        };
+        AnimateOptions {
+            model: self.model.clone(),
+            simulate: SimulateOptions {
+                dress,
+                motion: self.motion.clone(),
+                fps: self.fps,
+                seconds: self.seconds,
+                start: self.start,
+                resume: false,
+                picture: self.picture,
+                npz: self.npz.clone(),
+                pc2: self.pc2.clone(),
+            },
+            refine: self.refine,
+        }
+    }
+}
+
+impl From<BackdropName> for Backdrop {
+    fn from(name: BackdropName) -> Self {
+        match name {
+            BackdropName::Studio => Backdrop::Studio,
+            BackdropName::White => Backdrop::White,
+            BackdropName::Transparent => Backdrop::Transparent,
+        }
+    }
+}
+
 impl Wearing {
     /// The same in the library's words; what is not asked for is as in `usual`.
     fn options(&self, usual: DressOptions) -> DressOptions {
@@ -311,11 +477,7 @@ impl Wearing {
             },
             edge: self.edge / 1000.0,
             allow_crossings: self.allow_crossings,
-            backdrop: match self.backdrop {
-                BackdropName::Studio => Backdrop::Studio,
-                BackdropName::White => Backdrop::White,
-                BackdropName::Transparent => Backdrop::Transparent,
-            },
+            backdrop: self.backdrop.into(),
             ..usual
         };
         if !self.garment.is_empty() {

@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 
 use muslin::{Exit, Failure, Outcome, Watch};
 
-use crate::args::{Bench, BenchKind, Common, Evaluate, Kind, Simulate, Telling, Verb};
+use crate::args::{
+    Animate, Bench, BenchKind, Common, Evaluate, Kind, Simulate, Telling, Train, Verb,
+};
 
 /// Does what the verb says.
 pub fn run(verb: &Verb) -> Result<(), Failure> {
@@ -24,6 +26,8 @@ pub fn run(verb: &Verb) -> Result<(), Failure> {
         },
         Verb::Demo(d) => job(&d.common, muslin::demo),
         Verb::Simulate(s) => simulate(s),
+        Verb::Train(t) => train(t),
+        Verb::Animate(a) => animate(a),
         Verb::List { what, json } => list(*what, *json),
         Verb::Evaluate(e) => evaluate(e),
         Verb::Bench(b) => bench(b),
@@ -45,6 +49,18 @@ fn simulate(s: &Simulate) -> Result<(), Failure> {
     watched(&s.telling, |watch| match s.motion.as_slice() {
         [one] if !Path::new(one).is_dir() => muslin::simulate(&s.out, &s.options(), watch),
         all => muslin::simulate_several(all, &s.out, &s.options(), watch),
+    })
+}
+
+fn animate(a: &Animate) -> Result<(), Failure> {
+    watched(&a.telling, |watch| {
+        muslin::animate(&a.out, &a.options(), watch)
+    })
+}
+
+fn train(t: &Train) -> Result<(), Failure> {
+    watched(&t.telling, |watch| {
+        muslin::train(&t.out, &t.options(), watch)
     })
 }
 
@@ -151,6 +167,7 @@ fn bench(bench: &Bench) -> Result<(), Failure> {
         BenchKind::Fit => muslin::bench::fit(data),
         BenchKind::Drape => muslin::bench::drape(data, &drapes(bench)),
         BenchKind::Dress => muslin::bench::dress(data),
+        BenchKind::Cloth => muslin::bench::cloth(),
     }?;
     print(&report)
 }

@@ -5,12 +5,13 @@
 //! the caller negates. Three shapes of law share three shapes of answer:
 //!
 //! - on one weighted point ([`AtPoint`]): [`mod@point`] (inertia, gravity, pins, drag),
-//!   [`contact`], [`friction`];
-//! - on a triangle's deformation ([`InPlane`]): [`membrane`], [`stvk`], [`strain`];
-//! - on the four vertices of a hinge ([`Local`]): [`hinge`], [`flat`].
+//!   [`contact`], [`friction`], [`air`];
+//! - on a triangle's deformation ([`InPlane`]): [`membrane`], [`stvk`], [`neo`], [`strain`];
+//! - on the vertices of an edge or a hinge ([`Local`]): [`spring`], [`hinge`], [`flat`].
 //!
 //! [`check`] is the suite that each of them passes, exported for every faster variant.
 
+pub mod air;
 pub mod check;
 pub mod contact;
 pub mod flat;
@@ -18,8 +19,10 @@ pub mod friction;
 pub mod hinge;
 mod local;
 pub mod membrane;
+pub mod neo;
 pub mod point;
 pub mod proximity;
+pub mod spring;
 pub mod strain;
 pub mod stvk;
 mod triangle;

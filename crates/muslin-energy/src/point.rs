@@ -28,6 +28,22 @@ pub fn inertia(x: DVec3, target: DVec3, mass: f64, step: f64) -> AtPoint {
     pin(x, target, mass / (step * step))
 }
 
+/// Where a point would go unforced over a step of BDF2, and the step that its inertia then has.
+///
+/// `x`, `v`: positions [m] and velocities [m/s] now and one step before; `step`: h > 0 [s]. The
+/// answer `(target, τ)` goes into [`inertia`]: `τ = ⅔ h` and
+/// `target = (4 x₀ − x₁)/3 + τ (4 v₀ − v₁)/3`. The velocity afterwards is
+/// `(3 x − 4 x₀ + x₁) / (2 h)`.
+///
+/// Second order in time: quadratic motion such as free fall is exact, and a wave keeps far more of
+/// its energy than under implicit Euler. The first step has no past and takes implicit Euler.
+#[inline]
+pub fn bdf2(x: [DVec3; 2], v: [DVec3; 2], step: f64) -> (DVec3, f64) {
+    let tau = step * (2.0 / 3.0);
+    let past = |[now, before]: [DVec3; 2]| now + (now - before) / 3.0;
+    (past(x) + past(v) * tau, tau)
+}
+
 /// Weight: `E = −m g · x`; no curvature.
 ///
 /// `mass` [kg]; `g`: acceleration, as a rule `(0, −9.81, 0)` [m/s²].

@@ -115,7 +115,7 @@ fn beyond(f: &[DVec3; 2], sigma: [f64; 2], limit: &StrainLimit) -> InPlane {
 }
 
 /// Right singular vectors, then left ones with the normal.
-fn frames(f: &[DVec3; 2], sigma: [f64; 2]) -> ([[f64; 2]; 2], [DVec3; 3]) {
+pub(crate) fn frames(f: &[DVec3; 2], sigma: [f64; 2]) -> ([[f64; 2]; 2], [DVec3; 3]) {
     let twice = (2.0 * f[0].dot(f[1])).atan2(f[0].length_squared() - f[1].length_squared());
     let (s, c) = (0.5 * twice).sin_cos();
     let first = (f[0] * c + f[1] * s).normalize_or_zero();

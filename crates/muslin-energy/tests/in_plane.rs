@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 use muslin_energy::check::{self, Rng, Scale, Tally};
 use muslin_energy::membrane::{self, Stretch};
+use muslin_energy::neo;
 use muslin_energy::strain::{self, StrainLimit};
 use muslin_energy::stvk::{self, Lame};
 use muslin_energy::{InPlane, Local, RestTriangle};
@@ -36,7 +37,8 @@ const NOTHING: Scale = Scale {
 
 type Law = fn(&[DVec3; 3], &RestTriangle) -> Local<3>;
 
-const LAWS: [(&str, Law); 5] = [
+const LAWS: [(&str, Law); 6] = [
+    ("neo-Hookean", |x, rest| neo::hessian(x, rest, &SNUG)),
     ("membrane", |x, rest| membrane::hessian(x, rest, &COTTON)),
     ("membrane, soft in compression", |x, rest| {
         membrane::hessian(x, rest, &SOFT)
@@ -183,6 +185,7 @@ fn exact(x: &[DVec3; 3], rest: &RestTriangle, hessian: [DMat3; 3]) -> Local<3> {
 #[test]
 fn the_exact_hessians_converge_at_second_order() {
     let (mut rng, mut weaves, mut sheets) = (Rng::new(6), Tally::default(), Tally::default());
+    let mut rubbers = Tally::default();
     for _ in 0..STATES {
         let (rest, corners) = rest(&mut rng);
         let x = state(corners, &mut rng);
@@ -205,14 +208,25 @@ fn the_exact_hessians_converge_at_second_order() {
             }
         };
         sheets.add(check::hessian_order(sheet, &x, step, &mut rng));
+        let rubber = |x: &[DVec3; 3]| {
+            let hessian = neo::exact_hessian(&rest.deformation(x), &SNUG);
+            let (energy, gradient) = neo::gradient(x, &rest, &SNUG);
+            Local {
+                energy,
+                gradient,
+                ..exact(x, &rest, hessian)
+            }
+        };
+        rubbers.add(check::hessian_order(rubber, &x, step, &mut rng));
     }
+    assert_eq!(rubbers.second(2e-6), Ok(()));
     assert_eq!(weaves.second(2e-6), Ok(()));
     assert_eq!(sheets.second(2e-6), Ok(()));
 }
 
 #[test]
 fn strain_limits_need_no_projection_their_hessians_converge_at_second_order() {
-    for (name, law) in &LAWS[3..] {
+    for (name, law) in &LAWS[4..] {
         let (mut rng, mut tally) = (Rng::new(7), Tally::default());
         for _ in 0..STATES {
             let (rest, corners) = rest(&mut rng);
@@ -312,6 +326,45 @@ fn in_tension_the_stvk_hessian_is_exact_and_elsewhere_never_below_it() {
         let stretched =
             tense[0].cross(tense[1]).length() > 1.2 * tense[0].length().max(tense[1].length());
         assert!(off < 1e-12 || !stretched, "{off:e} at {tense:?}");
+    }
+}
+
+#[test]
+fn the_neo_hookean_hessian_is_the_exact_one_without_its_negative_eigenvalues() {
+    let mut rng = Rng::new(11);
+    for _ in 0..STATES {
+        let f = deformation(&mut rng);
+        let want = check::projected(&columns(neo::exact_hessian(&f, &SNUG)));
+        let off = check::difference(&columns(neo::response(&f, &SNUG).hessian), &want);
+        assert!(off < 1e-9, "{off:e} at {f:?}");
+    }
+}
+
+#[test]
+fn small_strains_of_a_neo_hookean_sheet_cost_what_lame_says_and_collapse_stays_finite() {
+    let small = 1e-5;
+    for [a, b, c] in [
+        [1.0, 0.0, 0.0],
+        [0.3, -0.7, 0.0],
+        [0.0, 0.0, 1.0],
+        [0.5, 0.2, -0.9],
+    ] {
+        let f = [
+            DVec3::new(1.0 + a * small, c * small, 0.0),
+            DVec3::new(c * small, 1.0 + b * small, 0.0),
+        ];
+        let lame = SNUG.mu * (a * a + b * b + 2.0 * c * c) + 0.5 * SNUG.lambda * (a + b).powi(2);
+        let got = neo::density(&f, &SNUG) / (small * small);
+        assert!((got / lame - 1.0).abs() < 1e-4, "{got} for {lame}");
+    }
+    for f in [
+        [DVec3::ZERO; 2],
+        [DVec3::X, DVec3::X * -0.5],
+        [DVec3::X, DVec3::ZERO],
+    ] {
+        let at = neo::response(&f, &SNUG);
+        assert!(at.energy.is_finite() && at.stress.iter().all(|s| s.is_finite()));
+        assert!(at.hessian.iter().all(|h| h.is_finite()), "{f:?}");
     }
 }
 

@@ -1,6 +1,7 @@
 //! The laws on points: inertia, weight, pins, drag, contact, friction, on a thousand states each.
 
 use glam::{DQuat, DVec3};
+use muslin_energy::air::{self, Panel};
 use muslin_energy::check::{self, Rng, Scale, Tally};
 use muslin_energy::contact::{self, Barrier};
 use muslin_energy::friction::{self, Pressed};
@@ -70,6 +71,80 @@ fn inertia_weight_pins_and_drag_are_right_to_second_order() {
             rng.vector(),
         )
     });
+}
+
+#[test]
+fn air_is_right_to_second_order_and_pushes_with_the_square_of_the_speed() {
+    passes("air", 1e-4, |rng| {
+        let on = Panel {
+            normal: rng.vector().normalize(),
+            resistance: rng.scale(1e-6, 1e-3),
+        };
+        let (carried, s) = (rng.vector(), rng.scale(1e-3, 0.1));
+        let x = carried + on.normal * s + on.normal.any_orthonormal_vector() * s;
+        (
+            Box::new(alone(move |x| air::push(x, carried, &on, 0.004))),
+            x,
+        )
+    });
+    let on = Panel {
+        normal: DVec3::Y,
+        resistance: 0.5 * 1.2 * 1.2 * 2.0,
+    };
+    // Two square metres fall flat at three metres a second, whichever way the normal points.
+    for turned in [1.0, -1.0] {
+        let on = Panel {
+            normal: on.normal * turned,
+            ..on
+        };
+        let at = air::push(DVec3::new(0.7, -0.03, 0.0), DVec3::ZERO, &on, 0.01);
+        let up = -at.gradient;
+        assert!((up - DVec3::Y * (1.44 * 9.0)).length() < 1e-12, "{up}");
+    }
+    assert_eq!(
+        air::push(DVec3::X, DVec3::ZERO, &on, 0.01).gradient,
+        DVec3::ZERO
+    );
+}
+
+/// Where a weight on a spring (angular speed one) is after one radian of BDF2 steps.
+fn swung(steps: usize) -> f64 {
+    let h = 1.0 / steps as f64;
+    // The past is the true one, so that only the scheme's own error shows.
+    let true_at = |t: f64| (DVec3::X * t.cos(), DVec3::X * -t.sin());
+    let ((mut x, mut v), (mut x1, mut v1)) = (true_at(0.0), true_at(-h));
+    for _ in 0..steps {
+        let (target, tau) = point::bdf2([x, x1], [v, v1], h);
+        let (inertia, spring) = (
+            point::inertia(x, target, 1.0, tau),
+            point::pin(x, DVec3::ZERO, 1.0),
+        );
+        let pull = inertia.gradient + spring.gradient;
+        let next = x - pull / (inertia.hessian.x_axis.x + spring.hessian.x_axis.x);
+        (v, v1) = ((next * 3.0 - x * 4.0 + x1) / (2.0 * h), v);
+        (x, x1) = (next, x);
+    }
+    x.x
+}
+
+#[test]
+fn bdf2_falls_exactly_and_swings_to_second_order() {
+    let (h, g) = (0.1, DVec3::NEG_Y * 9.81);
+    let at = |t: f64| {
+        (
+            DVec3::X * 2.0 * t + g * (0.5 * t * t),
+            DVec3::X * 2.0 + g * t,
+        )
+    };
+    let ((x0, v0), (x1, v1)) = (at(0.3), at(0.2));
+    let (target, tau) = point::bdf2([x0, x1], [v0, v1], h);
+    let fallen = target + g * (tau * tau);
+    assert!((fallen - at(0.4).0).length() < 1e-14);
+    let errors = [20, 40, 80].map(|n| (swung(n) - 1.0_f64.cos()).abs());
+    for pair in errors.windows(2) {
+        let order = (pair[0] / pair[1]).log2();
+        assert!((1.9..2.1).contains(&order), "order {order}");
+    }
 }
 
 #[test]

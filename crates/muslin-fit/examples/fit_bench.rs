@@ -29,9 +29,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ("2D and 3D points", &person.keypoints),
         ("2D points alone", &plane),
     ] {
-        for (given, height_m) in [("no height", None), ("height given", Some(1.72))] {
+        for (given, height_m, weight_kg) in [
+            ("no height", None, None),
+            ("height given", Some(1.72), None),
+            ("height and mass given", Some(1.72), Some(66.0)),
+        ] {
             let options = FitOptions {
                 height_m,
+                weight_kg,
                 ..FitOptions::default()
             };
             let (fit, ms) = least(|| fitter.fit(keypoints, &options))?;

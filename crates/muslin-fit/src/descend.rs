@@ -2,7 +2,7 @@
 
 use crate::guess::Guess;
 use crate::problem::{Problem, Skin};
-use crate::system::System;
+use crate::system::{Sums, System};
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,10 +61,11 @@ pub fn descend(problem: &Problem, start: Guess, patience: Patience) -> Descent {
 }
 
 fn equations(problem: &Problem, guess: &Guess, skin: &Skin) -> System {
-    let mut system = System::new(problem.columns().len());
+    let mut sums = Sums::new(problem.columns().len());
     problem.rows(guess, skin, &mut |columns, values, r, w| {
-        system.add(columns, values, r, w)
+        sums.add(columns, values, r, w)
     });
+    let mut system = sums.done();
     let first = problem.columns().shape();
     for i in 0..guess.shape.len() {
         // A value at the end of its range stays unless it wants back.

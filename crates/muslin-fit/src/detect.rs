@@ -9,6 +9,8 @@ mod boxes;
 mod crop;
 mod points;
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use glam::DVec2;
 use muslin_body::Keypoints;
 use muslin_geom::Image;
@@ -26,6 +28,8 @@ const SAME: f64 = 0.08;
 pub struct Models {
     detector: Net,
     landmarks: Net,
+    /// Room that searches have left behind, so that the next need not ask for it again.
+    rooms: Mutex<Vec<Scratch>>,
 }
 
 /// Why networks cannot serve here.
@@ -80,6 +84,7 @@ impl Models {
             detector: Net::new(detector, &[0, 1])?,
             // Points, presence, heat maps, points in space; the mask (2) is not wanted.
             landmarks: Net::new(landmarks, &[0, 1, 3, 4])?,
+            rooms: Mutex::default(),
         };
         shaped(
             "detector",
@@ -94,6 +99,10 @@ impl Models {
             &points::OUTPUTS,
         )?;
         Ok(models)
+    }
+
+    fn rooms(&self) -> MutexGuard<'_, Vec<Scratch>> {
+        self.rooms.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -123,7 +132,7 @@ pub fn find_people(models: &Models, image: &Image) -> Found {
     if image.pixels.is_empty() {
         return found;
     }
-    let mut scratch = Scratch::default();
+    let mut scratch = models.rooms().pop().unwrap_or_default();
     let (candidates, best_score) = candidates(models, image, &mut scratch);
     found.best_score = best_score;
     for candidate in candidates {
@@ -134,6 +143,7 @@ pub fn find_people(models: &Models, image: &Image) -> Found {
             found.people.push(person);
         }
     }
+    models.rooms().push(scratch);
     found
         .people
         .sort_by(|a, b| b.square.side.total_cmp(&a.square.side));

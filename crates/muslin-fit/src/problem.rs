@@ -243,16 +243,15 @@ impl<'a> Problem<'a> {
         let Some(world) = seen.world else { return };
         let weight = self.weight(miss.length_squared());
         let (_, spread) = self.spreads(seen);
-        let columns = self.columns();
         for k in 0..3 {
+            let (motion, shape) = s.slopes.split_at(s.n_motion);
+            let slope = |x: &DVec3| x[k] / spread[k];
             s.values.clear();
-            s.values.extend(s.slopes.iter().map(|x| x[k] / spread[k]));
-            s.values.insert(s.n_motion, -1.0 / spread[k]);
-            s.values.insert(
-                s.n_motion + 1,
-                -guess.log_scale.exp() * world[k] / spread[k],
-            );
-            s.columns_world[s.n_motion] = columns.origin() + k;
+            s.values.extend(motion.iter().map(slope));
+            // The three rows have all columns in common, if only to be added up together.
+            s.values.extend((-DVec3::AXES[k] / spread).to_array());
+            s.values.push(-guess.log_scale.exp() * world[k] / spread[k]);
+            s.values.extend(shape.iter().map(slope));
             emit(&s.columns_world, &s.values, miss[k], weight);
         }
     }
@@ -388,8 +387,9 @@ impl Scratch {
         self.slopes.extend(by_shape.iter().map(|s| s[marker]));
         self.columns_world.clone_from(&self.columns_pixel);
         self.columns_pixel.push(columns.focal());
+        let origin = columns.origin();
         self.columns_world
-            .extend([columns.origin(), columns.scale()]);
+            .extend([origin, origin + 1, origin + 2, columns.scale()]);
         let shape = columns.shape()..columns.shape() + by_shape.len();
         self.columns_pixel.extend(shape.clone());
         self.columns_world.extend(shape);

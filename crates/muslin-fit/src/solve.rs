@@ -84,8 +84,9 @@ const LENGTHS: [(&str, f64); 7] = [
 const HEIGHT: usize = 4;
 /// And the weight.
 const WEIGHT: usize = 3;
-/// How far off a mass may be [kg].
+/// How far off a mass may be [kg], and that of the body a fit starts from.
 const MASS_OFF: f64 = 0.005;
+const MASS_ABOUT: f64 = 0.5;
 
 /// What the spreads of a leg's joints shrink to where its foot is not seen at all.
 const RESTS: [(&str, f64); 3] = [("hip", 0.5), ("knee", 0.15), ("ankle", 0.2)];
@@ -149,7 +150,7 @@ impl<'a> Fitter<'a> {
         let mut evidence = Evidence::new(keypoints);
         enough(&evidence)?;
         let base = match options.weight_kg {
-            Some(_) => self.exactly(options.shape.clone(), options)?,
+            Some(_) => self.met(options.shape.clone(), options, MASS_ABOUT)?,
             None => options.shape.clone(),
         };
         let focal = options.focal_px.unwrap_or(FOCAL.0 * evidence.longest);
@@ -180,14 +181,14 @@ impl<'a> Fitter<'a> {
             slopes_hold: 0.2,
         };
         let end = self.search(&evidence, trust, [rough, fine.clone()]);
-        let shape = self.exactly(fine.shape(&end.guess.shape), options)?;
+        let shape = self.met(fine.shape(&end.guess.shape), options, MASS_OFF)?;
         let known = Shapes::new(self.avatar, &self.folded, &shape, &self.lengths)?;
         let known = known.features(&known.start());
         Ok(self.finish(&evidence, options, (shape, known), end))
     }
 
-    /// `shape` with the height and mass that are given.
-    fn exactly(&self, shape: Shape, options: &FitOptions) -> Result<Shape, FitError> {
+    /// `shape` with the height that is given, and the mass to `off` [kg].
+    fn met(&self, shape: Shape, options: &FitOptions, off: f64) -> Result<Shape, FitError> {
         let Some(kg) = options.weight_kg else {
             return match options.height_m {
                 Some(m) => self.of_height(shape, m),
@@ -198,7 +199,7 @@ impl<'a> Fitter<'a> {
             Some(m) => m,
             None => self.avatar.height_of(&shape)?,
         };
-        match self.of_mass(&shape, metres, kg)? {
+        match self.of_mass(&shape, metres, (kg, off))? {
             Some(met) => Ok(met),
             None => Ok(shape.with_height_and_mass(self.avatar, metres, kg)?),
         }
@@ -206,13 +207,18 @@ impl<'a> Fitter<'a> {
 
     /// `shape` with this height and mass [m, kg] by its weight phenotype alone, if a few secants
     /// get there: a mass costs milliseconds.
-    fn of_mass(&self, shape: &Shape, metres: f64, kg: f64) -> Result<Option<Shape>, FitError> {
+    fn of_mass(
+        &self,
+        shape: &Shape,
+        metres: f64,
+        (kg, off): (f64, f64),
+    ) -> Result<Option<Shape>, FitError> {
         let mut met = self.of_height(shape.clone(), metres)?;
         let mut missing = kg - self.avatar.mass_of(&met)?;
         // From thin to heavy a mass about doubles.
         let mut slope = kg;
         for _ in 0..5 {
-            if missing.abs() < MASS_OFF {
+            if missing.abs() < off {
                 return Ok(Some(met));
             }
             let mut next = met.clone();
@@ -226,7 +232,7 @@ impl<'a> Fitter<'a> {
             slope = (missing - still) / step;
             missing = still;
         }
-        Ok((missing.abs() < MASS_OFF).then_some(met))
+        Ok((missing.abs() < off).then_some(met))
     }
 
     /// `shape` made `metres` tall. Heights are linear in the height phenotype while crown and

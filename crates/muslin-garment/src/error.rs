@@ -23,4 +23,24 @@ pub enum GarmentError {
         /// The most allowed.
         high: f64,
     },
+    /// A panel's outline cannot be cut.
+    #[error("panel {panel:?} cannot be cut: {what}")]
+    Outline {
+        /// The panel.
+        panel: String,
+        /// What is wrong with its outline.
+        what: String,
+    },
+    /// Seams join more than two pieces of cloth along one line, or a right side to a wrong one.
+    #[error("the seams of panels {:?} and {:?} do not lie flat: three pieces meet, or one is turned over", panels[0], panels[1])]
+    Seam {
+        /// The panels that meet.
+        panels: [String; 2],
+    },
+    /// A mesh that cannot be worn.
+    #[error("this mesh cannot be worn: {what}")]
+    Mesh {
+        /// Why, and what to do.
+        what: String,
+    },
 }

@@ -1,6 +1,7 @@
 //! A garment: one mesh for every body, and how it is put on.
 
 use crate::GarmentError;
+use crate::brought::Brought;
 use crate::form::Part as Solid;
 use crate::pattern::{flatten, lay_flat, turn};
 use crate::recipe::{Opening, Plan, Recipe};
@@ -16,14 +17,14 @@ use muslin_geom::Surface;
 pub struct Garment {
     /// What it is, as in the wardrobe's list.
     pub name: String,
-    /// How it was made.
-    pub recipe: Recipe,
+    /// How it was cut; none if it was brought by a user.
+    pub recipe: Option<Recipe>,
     /// Triangles, counter-clockwise seen from outside.
     pub faces: Vec<[u32; 3]>,
     /// The pattern: where each face's corners lie on the cloth [m]; x across the grain
     /// (weft), y along it (warp, up on the body). Panels lie apart only by their number.
     pub uv: Vec<[DVec2; 3]>,
-    /// Panel of each face; names by [`Recipe::panels`].
+    /// Panel of each face; names by [`Garment::panels`].
     pub panel: Vec<u8>,
     /// Vertex → (avatar vertex, share); each row sums to one.
     pub binding: Sparse,
@@ -32,10 +33,11 @@ pub struct Garment {
     /// The openings.
     pub rims: Vec<Rim>,
     /// How much shorter than its place on the form each face is knitted: the neckband's pull.
-    snug: Vec<f64>,
-    /// How far each vertex lies off the tights on the default body [m].
-    offset: Vec<DVec3>,
-    net: Net,
+    pub(crate) snug: Vec<f64>,
+    /// How far each vertex lies off what it is bound to on the default body [m].
+    pub(crate) offset: Vec<DVec3>,
+    pub(crate) net: Net,
+    pub(crate) brought: Option<Box<Brought>>,
 }
 
 /// The edge of an opening.
@@ -83,7 +85,7 @@ impl Garment {
             .for_each(|r| binding.push(r.iter().copied()));
         let mut garment = Garment {
             name: recipe.name().into(),
-            recipe: recipe.clone(),
+            recipe: Some(recipe.clone()),
             faces: net.faces.clone(),
             uv: vec![],
             panel: vec![],
@@ -97,10 +99,11 @@ impl Garment {
                 .map(|(x, r)| *x - blend(r, &base.verts))
                 .collect(),
             net,
+            brought: None,
         };
-        let x = garment.settled(&stand, &[], None);
+        let x = garment.settled(recipe, &stand, (&[], None));
         garment.snug = snug(&garment.rims, &garment.faces, &x);
-        garment.draw_pattern(&stand, &x, &sheet.rows);
+        garment.draw_pattern(&recipe.plan(&stand, None), (&stand, &x), &sheet.rows);
         Ok(garment)
     }
 
@@ -131,15 +134,21 @@ impl Garment {
         under: &[(&Garment, &Worn)],
         tuck: Option<f64>,
     ) -> Worn {
-        let alone = self.settled(stand, &[], tuck);
-        let rest = self.rest(&alone);
         let inner: Vec<(Surface, Vec<bool>)> = (under.iter())
             .map(|(g, w)| (Surface::new(&w.verts, &g.faces), g.net.on_rim()))
             .collect();
+        let recipe = match (&self.brought, &self.recipe) {
+            (Some(brought), _) => {
+                return brought.put_on((&self.binding, &self.offset), stand, &inner);
+            }
+            (None, recipe) => recipe.as_ref().expect("a garment is cut or brought"),
+        };
+        let alone = self.settled(recipe, stand, (&[], tuck));
+        let rest = self.rest(&alone);
         let verts = if inner.is_empty() {
             alone
         } else {
-            self.settled(stand, &inner, tuck)
+            self.settled(recipe, stand, (&inner, tuck))
         };
         Worn { verts, rest }
     }
@@ -153,6 +162,9 @@ impl Garment {
 
     /// Vertex → (bone of the full rig, weight): what the binding gives.
     pub fn skin_weights(&self, avatar: &Avatar) -> Sparse {
+        if let Some(brought) = &self.brought {
+            return brought.weights().clone();
+        }
         let bones = &avatar.rig().weights;
         let mut out = Sparse::new();
         for row in self.binding.rows() {
@@ -173,16 +185,16 @@ impl Garment {
     /// The mesh on its form around a body [m].
     fn settled(
         &self,
+        recipe: &Recipe,
         stand: &Stand,
-        under: &[(Surface, Vec<bool>)],
-        tuck: Option<f64>,
+        (under, tuck): (&[(Surface, Vec<bool>)], Option<f64>),
     ) -> Vec<DVec3> {
         let rows = self.binding.rows().zip(&self.offset);
         let scale = stand.scale();
         let mut x: Vec<DVec3> = rows
             .map(|(r, o)| blend(r, stand.verts) + *o * scale)
             .collect();
-        let plan = self.recipe.plan(stand, tuck);
+        let plan = recipe.plan(stand, tuck);
         let mut form = plan.form();
         plan.prepare(&form, &mut x);
         for (surface, rim) in under {
@@ -209,8 +221,7 @@ impl Garment {
             .collect()
     }
 
-    fn draw_pattern(&mut self, stand: &Stand, x: &[DVec3], rows: &[Row]) {
-        let plan = self.recipe.plan(stand, None);
+    fn draw_pattern(&mut self, plan: &Plan, (stand, x): (&Stand, &[DVec3]), rows: &[Row]) {
         let laid: Vec<_> = (self.faces.iter())
             .map(|f| {
                 let corner = |k: usize| &rows[f[k] as usize];

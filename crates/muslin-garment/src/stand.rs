@@ -99,6 +99,13 @@ impl BodyMap {
     }
 }
 
+impl BodyMap {
+    /// The highest vertex of the tights, at the neck.
+    pub fn neck_vertex(&self) -> usize {
+        self.neck as usize
+    }
+}
+
 fn highest(base: &Figure, mut range: std::ops::Range<usize>) -> Option<u32> {
     let first = range.next()?;
     let y = |i: usize| base.verts[i].y;
@@ -106,7 +113,7 @@ fn highest(base: &Figure, mut range: std::ops::Range<usize>) -> Option<u32> {
 }
 
 /// How much of every vertex hangs on the bones of one limb.
-fn limb_share(avatar: &Avatar, names: &[&str], side: &str) -> Vec<f64> {
+pub(crate) fn limb_share(avatar: &Avatar, names: &[&str], side: &str) -> Vec<f64> {
     let rig = avatar.rig();
     let on_limb: Vec<bool> = (rig.bones.iter())
         .map(|b| b.name.ends_with(side) && names.iter().any(|n| b.name.starts_with(n)))
@@ -155,6 +162,11 @@ impl<'a> Stand<'a> {
     /// The height from crotch to armpit [m]: the scale of the trunk.
     pub fn trunk(&self) -> f64 {
         self.armpit - self.crotch.y
+    }
+
+    /// The middle of the waist [m]: a little above half way from crotch to armpits.
+    pub fn waist(&self) -> DVec3 {
+        self.crotch.with_y(self.crotch.y + 0.6 * self.trunk())
     }
 
     /// How much longer the trunk is than the default body's.

@@ -11,8 +11,11 @@ mod kernels;
 pub mod learn;
 mod net;
 mod plan;
+mod room;
 mod shape;
 mod simd;
+mod weights;
 
 pub use graph::{Activation, Graph, Kind, Node, Padding, Tensor, Window};
 pub use net::{Net, NetError, Scratch};
+pub use weights::{Array, Numbers, Weights};

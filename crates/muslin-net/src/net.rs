@@ -3,9 +3,10 @@
 use crate::graph::Graph;
 use crate::kernels::conv::conv;
 use crate::kernels::depthwise::depthwise;
-use crate::kernels::matmul::multiply;
+use crate::kernels::matmul::{Rows, multiply};
 use crate::kernels::{Finish, pixels};
 use crate::plan::{Plan, Step, Work};
+use crate::room::Room;
 
 /// A graph checked, folded and packed for one set of outputs.
 ///
@@ -19,8 +20,9 @@ pub struct Net {
 /// Room for intermediate values, reused from run to run and from net to net.
 #[derive(Default)]
 pub struct Scratch {
-    slots: Vec<Vec<f32>>,
+    slots: Vec<Room>,
     windows: Vec<f32>,
+    small: Room,
 }
 
 /// Why a graph cannot run.
@@ -86,7 +88,9 @@ impl Net {
                     got,
                 });
             }
-            scratch.slots[slot][..want].copy_from_slice(inputs[i]);
+            scratch.slots[slot]
+                .head_mut(want)
+                .copy_from_slice(inputs[i]);
         }
         for step in &plan.steps {
             run(step, scratch);
@@ -95,7 +99,7 @@ impl Net {
         Ok(plan
             .outputs
             .iter()
-            .map(|&(slot, len)| &slots[slot][..len])
+            .map(|&(slot, len)| slots[slot].head(len))
             .collect())
     }
 }
@@ -103,21 +107,19 @@ impl Net {
 impl Scratch {
     fn fit(&mut self, lens: &[usize]) {
         if self.slots.len() < lens.len() {
-            self.slots.resize(lens.len(), Vec::new());
+            self.slots.resize_with(lens.len(), Room::default);
         }
         for (slot, &len) in self.slots.iter_mut().zip(lens) {
-            if slot.len() < len {
-                slot.resize(len, 0.0);
-            }
+            slot.fit(len);
         }
     }
 }
 
 fn run(step: &Step, scratch: &mut Scratch) {
     let mut target = std::mem::take(&mut scratch.slots[step.output.0]);
-    let out = &mut target[..step.output.1];
-    let arg = |i: usize| &scratch.slots[step.args[i].0][..step.args[i].1];
-    let plus = step.plus.map(|(slot, len)| &scratch.slots[slot][..len]);
+    let out = target.head_mut(step.output.1);
+    let arg = |i: usize| scratch.slots[step.args[i].0].head(step.args[i].1);
+    let plus = step.plus.map(|(slot, len)| scratch.slots[slot].head(len));
     match &step.work {
         Work::Conv {
             walk,
@@ -133,7 +135,7 @@ fn run(step: &Step, scratch: &mut Scratch) {
         Work::Full { weights, limits } => {
             multiply(
                 weights,
-                arg(0),
+                Rows::plain(arg(0), weights.k()),
                 Finish {
                     limits: *limits,
                     plus,
@@ -141,7 +143,10 @@ fn run(step: &Step, scratch: &mut Scratch) {
                 out,
             );
         }
-        Work::Depthwise { walk, taps } => depthwise(walk, taps, arg(0), out),
+        Work::Depthwise { walk, taps } => {
+            let image = scratch.slots[step.args[0].0].head(step.args[0].1);
+            depthwise((walk, taps), image, &mut scratch.small, out);
+        }
         Work::Add(limits) => pixels::add(arg(0), arg(1), *limits, out),
         Work::Pad {
             shape,

@@ -14,6 +14,10 @@ pub(crate) trait Lanes: Copy {
     fn splat(x: f32) -> Self;
     /// Eight neighbours.
     fn load(x: &[f32; N_LANES]) -> Self;
+    /// Eight neighbours from each of `N` places of `x`, the first at `at`, `step` apart.
+    ///
+    /// Panics unless all lie inside.
+    fn load_every<const N: usize>(x: &[f32], at: usize, step: usize) -> [Self; N];
     /// Into eight neighbours.
     fn store(self, to: &mut [f32; N_LANES]);
     /// `self + other`.
@@ -60,6 +64,16 @@ impl Lanes for Plain {
     #[inline(always)]
     fn load(x: &[f32; N_LANES]) -> Self {
         Self(*x)
+    }
+
+    #[inline(always)]
+    fn load_every<const N: usize>(x: &[f32], at: usize, step: usize) -> [Self; N] {
+        let mut all = [Self([0.0; N_LANES]); N];
+        for (i, lanes) in all.iter_mut().enumerate() {
+            let from = x.get(at + i * step..).and_then(|x| x.first_chunk());
+            lanes.0 = *from.expect("beyond the list");
+        }
+        all
     }
 
     #[inline(always)]
@@ -121,6 +135,21 @@ mod avx2 {
         }
 
         #[inline(always)]
+        fn load_every<const N: usize>(x: &[f32], at: usize, step: usize) -> [Self; N] {
+            let mut all = [Self::splat(0.0); N];
+            let end = step
+                .checked_mul(N.saturating_sub(1))
+                .and_then(|last| last.checked_add(at)?.checked_add(N_LANES));
+            assert!(end.is_some_and(|end| end <= x.len()), "beyond the list");
+            for (i, lanes) in all.iter_mut().enumerate() {
+                // SAFETY: features as in `splat`; the last place, which is the farthest, has just
+                // been found to leave room for eight numbers.
+                lanes.0 = unsafe { _mm256_loadu_ps(x.as_ptr().add(at + i * step)) };
+            }
+            all
+        }
+
+        #[inline(always)]
         fn store(self, to: &mut [f32; N_LANES]) {
             // SAFETY: features as in `splat`; the reference covers eight numbers.
             unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }
@@ -168,7 +197,28 @@ mod tests {
                 y.store(&mut out);
                 self.0.extend(out);
             }
+            let list: Vec<f32> = (0..25).map(|i| i as f32).collect();
+            for lanes in L::load_every::<3>(&list, 1, 8) {
+                let mut out = [0.0; N_LANES];
+                lanes.store(&mut out);
+                self.0.extend(out);
+            }
         }
+    }
+
+    struct Beyond;
+
+    impl Kernel for Beyond {
+        #[inline(always)]
+        fn run<L: Lanes>(self) {
+            let _ = L::load_every::<3>(&[0.0; 24], 1, 8);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "beyond the list")]
+    fn nothing_is_read_beyond_a_list() {
+        fastest(Beyond);
     }
 
     #[test]
@@ -179,5 +229,7 @@ mod tests {
         let bits = |x: &[f32]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&wide), bits(&narrow));
         assert_eq!(&wide[24..30], [0.0, 0.0, 0.0, 0.5, 1.0, 6.0]);
+        let list: Vec<f32> = (1..25).map(|i| i as f32).collect();
+        assert_eq!(&wide[4 * N_LANES..], list);
     }
 }

@@ -26,6 +26,15 @@ pub(crate) fn fill<T: Send>(out: &mut [T], value: impl Fn(usize) -> T + Sync) {
     });
 }
 
+/// Writes `value(i, entry)` over every entry.
+pub(crate) fn change<T: Send + Copy>(out: &mut [T], value: impl Fn(usize, T) -> T + Sync) {
+    out.par_chunks_mut(CHUNK).enumerate().for_each(|(c, part)| {
+        for (k, entry) in part.iter_mut().enumerate() {
+            *entry = value(c * CHUNK + k, *entry);
+        }
+    });
+}
+
 /// `value(i)` for `0..n`.
 pub(crate) fn map<T: Send>(n: usize, value: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     (0..n)

@@ -74,6 +74,10 @@ pub(crate) struct Pattern {
     pub places: Vec<[[u32; 3]; 3]>,
     /// The diagonal block's place in every row.
     pub diagonal: Vec<u32>,
+    /// For every vertex, the number of the connected piece of cloth that it belongs to.
+    pub pieces: Vec<u32>,
+    /// How many there are.
+    pub n_pieces: usize,
 }
 
 impl Pattern {
@@ -93,11 +97,43 @@ impl Pattern {
             .map(|f| f.map(|i| f.map(|j| place(i, j))))
             .collect();
         let diagonal = (0..n as u32).map(|i| place(i, i)).collect();
+        let (pieces, n_pieces) = pieces(&near);
         Pattern {
+            pieces,
+            n_pieces,
             places,
             diagonal,
             corners: Rows::sorted(n, corners),
             near,
         }
+    }
+}
+
+/// Numbers of connected pieces, in the order of their first vertices, and how many there are.
+fn pieces(near: &Rows) -> (Vec<u32>, usize) {
+    let n = near.start.len() - 1;
+    let (mut of, mut count) = (vec![u32::MAX; n], 0);
+    for first in 0..n {
+        let mut waiting = vec![first];
+        while let Some(i) = waiting.pop() {
+            if of[i] == u32::MAX {
+                of[i] = count;
+                waiting.extend(near.row(i).iter().map(|&j| j as usize));
+            }
+        }
+        count += u32::from(of[first] == count);
+    }
+    (of, count as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_hangs_together_is_one_piece() {
+        let pattern = Pattern::new(8, &[[0, 5, 2], [1, 3, 4], [2, 5, 7]]);
+        assert_eq!(pattern.pieces, [0, 1, 0, 1, 1, 0, 2, 0]);
+        assert_eq!(pattern.n_pieces, 3);
     }
 }

@@ -108,3 +108,56 @@ fn a_sheet_falls_freely_past_ten_metres_a_second() {
     let speed = (heights[frames - 2] - heights[frames - 1]) * fps;
     assert!(speed > 10.0, "{speed} m/s");
 }
+
+/// Speed along the slope [m/s] of a sheet that slid for half a second on a level slab under a
+/// weight that leans by `angle`.
+fn slid(friction: f64, angle: f64) -> f64 {
+    let (mut cloth, mut verts) = sheet(15, 3e-3);
+    cloth.materials[0].friction = friction;
+    verts.iter_mut().for_each(|p| p.y = 2.97e-3);
+    let slab: Vec<DVec3> = [[-2.0, -2.0], [3.0, -2.0], [3.0, 2.0], [-2.0, 2.0]]
+        .iter()
+        .flat_map(|[x, z]| [DVec3::new(*x, 0.0, *z), DVec3::new(*x, -0.1, *z)])
+        .collect();
+    let faces = [[0, 4, 2], [0, 6, 4], [1, 3, 5], [1, 5, 7]];
+    let walk = Walk {
+        faces: &faces,
+        rest: &slab,
+        frames: 31,
+        lead: 0,
+        fps: 60.0,
+        at: &|_| slab.clone(),
+    };
+    let options = Options {
+        gravity: DVec3::new(angle.sin(), -angle.cos(), 0.0) * 9.81,
+        ..Options::default()
+    };
+    let state = State {
+        frame: 1,
+        velocities: vec![DVec3::ZERO; verts.len()],
+        verts,
+    };
+    let mean = |x: &[DVec3]| x.iter().map(|p| p.x).sum::<f64>() / x.len() as f64;
+    let mut at = vec![mean(&state.verts)];
+    simulate(
+        &cloth,
+        (&state.verts, Some(&state)),
+        (&walk, &options),
+        |m| {
+            at.push(mean(m.verts));
+            ControlFlow::Continue(())
+        },
+    )
+    .expect("a valid scene");
+    (at[30] - at[29]) * 60.0
+}
+
+#[test]
+fn a_sheet_gathers_speed_in_its_own_plane_and_friction_holds_it() {
+    let angle = 5f64.to_radians();
+    let free = slid(0.0, angle);
+    let want = 9.81 * angle.sin() * 0.5;
+    assert!((free / want - 1.0).abs() < 0.01, "{free} for {want} m/s");
+    let held = slid(0.25, angle);
+    assert!(held < 2e-3, "{held} m/s");
+}

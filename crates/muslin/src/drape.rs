@@ -133,7 +133,8 @@ pub(crate) fn cloth(outfit: &Outfit, worn: &[Worn]) -> Cloth {
 /// Share of its stiffness that cloth keeps in compression: the rest buckles below the mesh's size.
 const COMPRESSION: f64 = 0.2;
 
-fn material(fabric: &Fabric) -> Material {
+/// What the simulator makes of a fabric.
+pub(crate) fn material(fabric: &Fabric) -> Material {
     Material {
         density: fabric.density,
         stretch: Stretch {

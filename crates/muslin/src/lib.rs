@@ -5,7 +5,9 @@
 //! [`simulate()`] moves an outfit on a moving body. [`evaluate()`] judges animated cloth. [`list`] tells what there is, [`bench`]
 //! measures it. Each job tells a [`Watch`] of its stages and fails with a [`Failure`].
 
+mod animate;
 pub mod bench;
+mod brought;
 mod drape;
 mod dress;
 mod evaluate;
@@ -20,8 +22,10 @@ mod outfit;
 mod simulate;
 mod table;
 mod tell;
+mod train;
 mod watch;
 
+pub use animate::{AnimateOptions, animate};
 pub use drape::{Dressed, Quality, drape_outfit};
 pub use dress::{demo, dress, dress_pose};
 pub use evaluate::{Evaluation, evaluate, evaluate_file};
@@ -32,4 +36,5 @@ pub use outcome::Outcome;
 pub use outfit::{Outfit, Piece};
 pub use simulate::{SimulateOptions, simulate, simulate_several};
 pub use table::Table;
+pub use train::{TrainOptions, train};
 pub use watch::{Stage, Watch};

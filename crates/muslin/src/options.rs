@@ -15,24 +15,24 @@ pub enum Person {
     All,
 }
 
-/// One garment of an outfit, by name.
+/// One garment of an outfit, by name or file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wear {
-    /// The garment, such as `tee`.
+    /// The garment, such as `tee`, or a file such as `shirt.json`.
     pub garment: String,
     /// The fabric; the garment's own when absent.
     pub fabric: Option<String>,
 }
 
 impl Wear {
-    /// Reads `garment` or `garment:fabric`.
+    /// Reads `garment` or `garment:fabric`; a colon before a folder belongs to the file's name.
     pub fn parse(text: &str) -> Self {
-        match text.split_once(':') {
-            Some((g, f)) => Self {
+        match text.rsplit_once(':') {
+            Some((g, f)) if !f.contains(['/', '\\']) => Self {
                 garment: g.to_owned(),
                 fabric: Some(f.to_owned()),
             },
-            None => Self {
+            _ => Self {
                 garment: text.to_owned(),
                 fabric: None,
             },
@@ -144,5 +144,8 @@ mod tests {
     fn a_fabric_follows_a_colon() {
         assert_eq!(Wear::parse("tee:denim").fabric.as_deref(), Some("denim"));
         assert_eq!(Wear::parse("tee").fabric, None);
+        let file = Wear::parse("C:\\wardrobe\\shirt.json:denim");
+        assert_eq!(file.garment, "C:\\wardrobe\\shirt.json");
+        assert_eq!(Wear::parse("C:\\shirt.obj").fabric, None);
     }
 }

@@ -7,6 +7,7 @@ use muslin_geom::Part;
 
 use rayon::prelude::*;
 
+use crate::brought;
 use crate::failure::{Exit, Failure};
 use crate::options::{DressOptions, Wear};
 
@@ -17,6 +18,8 @@ pub struct Piece {
     pub garment: Garment,
     /// From what.
     pub fabric: Fabric,
+    /// SHA-256 of the file it was read from; none for the wardrobe's own.
+    pub sha256: Option<String>,
 }
 
 /// What is worn, innermost first.
@@ -113,6 +116,9 @@ impl Outfit {
         let pieces = cut
             .map(|wear| piece(avatar, wear, options))
             .collect::<Result<Vec<_>, _>>()?;
+        let (pieces, told): (Vec<Vec<Piece>>, Vec<Vec<String>>) = pieces.into_iter().unzip();
+        let pieces = pieces.concat();
+        told.iter().flatten().for_each(|w| warn(w));
         pieces
             .iter()
             .flat_map(|p| p.fabric.warnings())
@@ -146,14 +152,43 @@ impl Outfit {
     }
 }
 
-fn piece(avatar: &Avatar, wear: &Wear, options: &DressOptions) -> Result<Piece, Failure> {
+/// Cuts or loads what is asked for; also gives what there is to warn of.
+fn piece(
+    avatar: &Avatar,
+    wear: &Wear,
+    options: &DressOptions,
+) -> Result<(Vec<Piece>, Vec<String>), Failure> {
+    let fabric = |usual: &str| {
+        let named = Fabric::named(wear.fabric.as_deref().unwrap_or(usual));
+        named.map_err(|e| Failure::new(Exit::Usage, "unknown-fabric", e.to_string()).at("--fabric"))
+    };
+    if brought::is_file(&wear.garment) {
+        let fabric = fabric(brought::FABRIC)?;
+        let file = brought::load(avatar, &wear.garment, options.edge)?;
+        let mut made = (Vec::new(), file.warnings);
+        for garment in file.garments {
+            let piece = Piece {
+                garment,
+                fabric: fabric.clone(),
+                sha256: Some(file.sha256.clone()),
+            };
+            let (piece, told) = brought::rest(avatar, piece)?;
+            made.0.push(piece);
+            made.1.extend(told);
+        }
+        return Ok(made);
+    }
     let entry = entry(&wear.garment)?;
-    let fabric = Fabric::named(wear.fabric.as_deref().unwrap_or(entry.fabric))
-        .map_err(|e| Failure::new(Exit::Usage, "unknown-fabric", e.to_string()).at("--fabric"))?;
+    let fabric = fabric(entry.fabric)?;
     let mut garment = Garment::make(avatar, &(entry.recipe)(options))
         .map_err(|e| Failure::new(Exit::Invalid, "garment", e.to_string()).at(entry.name))?;
     entry.name.clone_into(&mut garment.name);
-    Ok(Piece { garment, fabric })
+    let piece = Piece {
+        garment,
+        fabric,
+        sha256: None,
+    };
+    Ok((vec![piece], Vec::new()))
 }
 
 fn entry(name: &str) -> Result<&'static Entry, Failure> {
@@ -161,7 +196,7 @@ fn entry(name: &str) -> Result<&'static Entry, Failure> {
     WARDROBE.iter().find(|e| e.name == asked).ok_or_else(|| {
         let near = names::nearest(&asked, WARDROBE.iter().map(|e| e.name));
         let hint = format!(
-            "did you mean {}? `muslin list garments` shows all",
+            "did you mean {}? `muslin list garments` shows all; files are .json or .obj",
             near.join(", ")
         );
         let what = format!("no garment is called {name:?}");
@@ -194,8 +229,8 @@ mod tests {
             ..Default::default()
         };
         for e in &WARDROBE {
-            let made = piece(&avatar, &Wear::parse(e.name), &options).expect("it can be made");
-            assert!(made.garment.faces.len() > 500, "{}", e.name);
+            let (made, _) = piece(&avatar, &Wear::parse(e.name), &options).expect("it can be made");
+            assert!(made[0].garment.faces.len() > 500, "{}", e.name);
         }
     }
 }

@@ -1,12 +1,12 @@
 //! An outfit on a moving body: from a motion to an animation on disk.
 
-mod files;
+pub(crate) mod files;
 mod film;
-mod motion;
+pub(crate) mod motion;
 mod options;
-mod quality;
-mod reel;
-mod set;
+pub(crate) mod quality;
+pub(crate) mod reel;
+pub(crate) mod set;
 mod several;
 mod shoot;
 
@@ -31,6 +31,7 @@ use quality::{Quality, round};
 use set::Set;
 
 pub use options::SimulateOptions;
+pub(crate) use several::expanded;
 pub use several::simulate_several;
 
 /// How many stages a simulation has.

@@ -123,6 +123,9 @@ pub fn outfit(outfit: &Outfit) -> Vec<Value> {
         let mut r = Report::default();
         r.set("garment", p.garment.name.as_str())
             .set("fabric", p.fabric.name.as_str());
+        if let Some(hash) = &p.sha256 {
+            r.set("sha256", hash.as_str());
+        }
         r.set("vertices", p.garment.n_verts())
             .set("triangles", p.garment.faces.len());
         r.set("area_density_g_m2", to(1, p.fabric.density * 1e3));

@@ -53,28 +53,52 @@ pub(super) fn sample(image: &Image, square: &Square, n: usize, border: Border) -
     let origin = square.to_picture(DVec2::ZERO);
     let right = (square.to_picture(DVec2::X) - origin) / n as f64;
     let down = (square.to_picture(DVec2::Y) - origin) / n as f64;
-    let mut out = Vec::with_capacity(n * n * 3);
-    for y in 0..n {
-        for x in 0..n {
-            let at = origin + right * x as f64 + down * y as f64;
-            out.extend(bilinear(image, at, border));
-        }
+    let mut out = vec![0; n * n * 3];
+    for (i, to) in out.as_chunks_mut().0.iter_mut().enumerate() {
+        let (y, x) = (i / n, i % n);
+        let at = origin + right * x as f64 + down * y as f64;
+        *to = bilinear(image, at, border);
     }
     out
 }
 
 fn bilinear(image: &Image, at: DVec2, border: Border) -> [u8; 3] {
-    let [x, y] = [at.x, at.y].map(|v| (v * STEPS as f64).round_ties_even() as i64);
-    let (fx, fy) = (x.rem_euclid(STEPS) as u32, y.rem_euclid(STEPS) as u32);
+    let [x, y] = [at.x, at.y].map(steps);
+    let (fx, fy) = (x.rem_euclid(STEPS) as u64, y.rem_euclid(STEPS) as u64);
     let (x, y) = (x.div_euclid(STEPS), y.div_euclid(STEPS));
-    let corners = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)];
-    let pixels = corners.map(|(x, y)| pixel(image, x, y, border));
+    let [[a, b], [c, d]] = inner_corners(image, x, y).unwrap_or_else(|| {
+        [y, y + 1].map(|y| [pixel(image, x, y, border), pixel(image, x + 1, y, border)])
+    });
     let (gx, gy) = (32 - fx, 32 - fy);
-    let weights = [gx * gy, fx * gy, gx * fy, fx * fy];
-    std::array::from_fn(|c| {
-        let sum: u32 = (0..4).map(|i| u32::from(pixels[i][c]) * weights[i]).sum();
-        ((sum + 512) >> 10) as u8
-    })
+    let sum = (spread(a) * gx + spread(b) * fx) * gy + (spread(c) * gx + spread(d) * fx) * fy;
+    let rounded = sum + spread([1, 1, 1, 0]) * 512;
+    [0, 20, 40].map(|shift| (rounded >> (shift + 10)) as u8)
+}
+
+/// Whole steps nearest to a place [px], the even one of two.
+///
+/// A float so large has no bits left for fractions, so adding it rounds, without the call that
+/// rounding is on plain processors.
+fn steps(v: f64) -> i64 {
+    const LARGE: f64 = 1.5 * (1_u64 << 52) as f64;
+    let scaled = (v * STEPS as f64).clamp(-1e12, 1e12);
+    (scaled + LARGE).to_bits() as i64 - LARGE.to_bits() as i64
+}
+
+/// Three colours twenty bits apart: room for each times 1024.
+fn spread([r, g, b, _]: [u8; 4]) -> u64 {
+    u64::from(r) | u64::from(g) << 20 | u64::from(b) << 40
+}
+
+/// The pixel at a place, its right neighbour, and both below, if all are inside.
+fn inner_corners(image: &Image, x: i64, y: i64) -> Option<[[[u8; 4]; 2]; 2]> {
+    let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
+    if x + 1 >= image.width || y + 1 >= image.height {
+        return None;
+    }
+    let at = y * image.width + x;
+    let pair = |at: usize| image.pixels[at..].first_chunk().copied();
+    Some([pair(at)?, pair(at + image.width)?])
 }
 
 #[inline]

@@ -1,7 +1,11 @@
-//! General convolution: windows laid out as rows, then one product per output row.
+//! General convolution: every window is a row of one product per output row.
+//!
+//! Windows inside the image are read where they lie; those that leave it are laid out first.
+
+use std::ops::Range;
 
 use super::Finish;
-use super::matmul::{Packed, multiply};
+use super::matmul::{Packed, Rows, multiply};
 
 /// How a window walks, with everything counted out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +28,16 @@ impl Walk {
         self.size == [1, 1] && self.stride == [1, 1] && self.out[..] == self.image[..2]
     }
 
+    /// The output rows or columns (`axis` 0 or 1) whose windows stay within the image.
+    fn inside(&self, axis: usize) -> Range<usize> {
+        let start = self.before[axis].div_ceil(self.stride[axis]);
+        let end = (self.image[axis] + self.before[axis])
+            .checked_sub(self.size[axis])
+            .map_or(0, |room| room / self.stride[axis] + 1)
+            .min(self.out[axis]);
+        start.min(end)..end
+    }
+
     /// The image row or column (`axis` 0 or 1) under step `i` of window `o`, if it is inside.
     #[inline(always)]
     pub(crate) fn source(&self, axis: usize, o: usize, i: usize) -> Option<usize> {
@@ -43,22 +57,51 @@ pub(crate) fn conv(
     (finish, out): (Finish<'_>, &mut [f32]),
 ) {
     if walk.is_pointwise() {
-        return multiply(w, image, finish, out);
+        return multiply(w, Rows::plain(image, w.k()), finish, out);
     }
     let n = walk.out[1] * w.n();
     windows.resize(walk.out[1] * w.k(), 0.0);
+    let [rows, columns] = [walk.inside(0), walk.inside(1)];
     for (oy, out) in out.chunks_exact_mut(n).enumerate() {
-        gather(walk, image, oy, windows);
         let plus = finish.plus.map(|p| &p[oy * n..][..n]);
-        multiply(w, windows, Finish { plus, ..finish }, out);
+        let inner = if rows.contains(&oy) {
+            columns.clone()
+        } else {
+            0..0
+        };
+        let mut part = |columns: Range<usize>, rows: Rows<'_>| {
+            let of = columns.start * w.n()..columns.end * w.n();
+            let plus = plus.map(|p| &p[of.clone()]);
+            multiply(w, rows, Finish { plus, ..finish }, &mut out[of]);
+        };
+        for outer in [0..inner.start, inner.end..walk.out[1]] {
+            gather(walk, image, (oy, outer.clone()), windows);
+            part(outer, Rows::plain(windows, w.k()));
+        }
+        if !inner.is_empty() {
+            part(inner.clone(), in_place(walk, image, oy, inner.start));
+        }
     }
 }
 
-/// Lays out the windows of output row `oy`, zeros where they leave the image.
-fn gather(walk: &Walk, image: &[f32], oy: usize, windows: &mut [f32]) {
+/// The windows of output row `oy` from column `ox` on, all inside the image.
+fn in_place<'a>(walk: &Walk, image: &'a [f32], oy: usize, ox: usize) -> Rows<'a> {
+    let [_, width, c] = walk.image;
+    let [y, x] = [(oy, 0), (ox, 1)].map(|(o, axis)| o * walk.stride[axis] - walk.before[axis]);
+    Rows {
+        from: &image[(y * width + x) * c..],
+        step: walk.stride[1] * c,
+        pieces: walk.size[0],
+        jump: width * c,
+        len: walk.size[1] * c,
+    }
+}
+
+/// Lays out windows of output row `oy`, zeros where they leave the image.
+fn gather(walk: &Walk, image: &[f32], (oy, columns): (usize, Range<usize>), windows: &mut [f32]) {
     let [_, width, c] = walk.image;
     let [kh, kw] = walk.size;
-    for (ox, window) in windows.chunks_exact_mut(kh * kw * c).enumerate() {
+    for (ox, window) in columns.zip(windows.chunks_exact_mut(kh * kw * c)) {
         for (ky, row) in window.chunks_exact_mut(kw * c).enumerate() {
             let y = walk.source(0, oy, ky);
             for (kx, pixel) in row.chunks_exact_mut(c).enumerate() {

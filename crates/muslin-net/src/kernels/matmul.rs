@@ -69,10 +69,45 @@ fn panel<const P: usize>(weights: &[f32], bias: &[f32], first: usize) -> Panel<P
     }
 }
 
-/// Multiplies every row of `rows` (each `w.k()` long) into a row of `out` (each `w.n()` long).
+/// Rows to multiply, wherever their numbers lie: a row is `pieces` runs of `len` numbers.
+#[derive(Clone, Copy)]
+pub(crate) struct Rows<'a> {
+    /// What they are read from, the first row's first run first.
+    pub from: &'a [f32],
+    /// From a row to the next.
+    pub step: usize,
+    /// Runs in a row.
+    pub pieces: usize,
+    /// From a run to the next.
+    pub jump: usize,
+    /// Numbers in a run.
+    pub len: usize,
+}
+
+impl<'a> Rows<'a> {
+    /// Rows of `k` numbers, one after another.
+    pub(crate) fn plain(from: &'a [f32], k: usize) -> Self {
+        Self {
+            from,
+            step: k,
+            pieces: 1,
+            jump: 0,
+            len: k,
+        }
+    }
+
+    /// All but the first `n`.
+    fn after(self, n: usize) -> Self {
+        let from = &self.from[n * self.step..];
+        Self { from, ..self }
+    }
+}
+
+/// Multiplies rows (each `w.k()` long) into those of `out` (each `w.n()` long), as many as it has.
 ///
 /// `finish.plus` is laid out like `out`.
-pub(crate) fn multiply(w: &Packed, rows: &[f32], finish: Finish<'_>, out: &mut [f32]) {
+pub(crate) fn multiply(w: &Packed, rows: Rows<'_>, finish: Finish<'_>, out: &mut [f32]) {
+    assert_eq!(rows.pieces * rows.len, w.k, "rows fit their weights");
     fastest(Multiply {
         w,
         rows,
@@ -83,7 +118,7 @@ pub(crate) fn multiply(w: &Packed, rows: &[f32], finish: Finish<'_>, out: &mut [
 
 struct Multiply<'a> {
     w: &'a Packed,
-    rows: &'a [f32],
+    rows: Rows<'a>,
     finish: Finish<'a>,
     out: &'a mut [f32],
 }
@@ -98,12 +133,10 @@ impl Kernel for Multiply<'_> {
             out,
         } = self;
         let block = (BLOCK_BYTES / (4 * w.k)).max(6) / 6 * 6;
-        for (b, rows) in rows.chunks(block * w.k).enumerate() {
-            let from = b * block * w.n;
-            let n = rows.len() / w.k * w.n;
-            let plus = finish.plus.map(|p| &p[from..from + n]);
+        for (b, out) in out.chunks_mut(block * w.n).enumerate() {
+            let plus = finish.plus.map(|p| &p[b * block * w.n..][..out.len()]);
             let finish = Finish { plus, ..finish };
-            let out = &mut out[from..from + n];
+            let rows = rows.after(b * block);
             for (p, panel) in w.wide.iter().enumerate() {
                 stripe::<2, L>(panel, rows, finish, (out, w.n, p * 16));
             }
@@ -121,20 +154,21 @@ type Target<'a> = (&'a mut [f32], usize, usize);
 #[inline(always)]
 fn stripe<const P: usize, L: Lanes>(
     panel: &Panel<P>,
-    rows: &[f32],
+    rows: Rows<'_>,
     finish: Finish<'_>,
     (out, n, col): Target<'_>,
 ) {
-    let k = panel.rows.len();
-    for (t, rows) in rows.chunks(6 * k).enumerate() {
-        let target = (&mut *out, n, t * 6 * n + col);
-        match rows.len() / k {
-            6 => tile::<6, P, L>(panel, rows, finish, target),
-            5 => tile::<5, P, L>(panel, rows, finish, target),
-            4 => tile::<4, P, L>(panel, rows, finish, target),
-            3 => tile::<3, P, L>(panel, rows, finish, target),
+    let m = out.len() / n;
+    for t in (0..m).step_by(6) {
+        let target = (&mut *out, n, t * n + col);
+        let rows = rows.after(t);
+        match m - t {
+            1 => tile::<1, P, L>(panel, rows, finish, target),
             2 => tile::<2, P, L>(panel, rows, finish, target),
-            _ => tile::<1, P, L>(panel, rows, finish, target),
+            3 => tile::<3, P, L>(panel, rows, finish, target),
+            4 => tile::<4, P, L>(panel, rows, finish, target),
+            5 => tile::<5, P, L>(panel, rows, finish, target),
+            _ => tile::<6, P, L>(panel, rows, finish, target),
         }
     }
 }
@@ -143,43 +177,69 @@ fn stripe<const P: usize, L: Lanes>(
 #[inline(always)]
 fn tile<const M: usize, const P: usize, L: Lanes>(
     panel: &Panel<P>,
-    rows: &[f32],
+    rows: Rows<'_>,
     finish: Finish<'_>,
     (out, n, at): Target<'_>,
 ) {
-    let k = panel.rows.len();
-    let rows: [&[f32]; M] = std::array::from_fn(|i| &rows[i * k..][..k]);
-    let mut sum = [std::array::from_fn::<L, P, _>(|p| L::load(&panel.bias[p].0)); M];
-    for (j, w) in panel.rows.iter().enumerate() {
-        for i in 0..M {
-            let x = L::splat(rows[i][j]);
-            for p in 0..P {
-                sum[i][p] = sum[i][p].plus_product(x, L::load(&w[p].0));
+    let mut sum = [[L::splat(0.0); P]; M];
+    for (p, bias) in panel.bias.iter().enumerate() {
+        sum.iter_mut().for_each(|sum| sum[p] = L::load(&bias.0));
+    }
+    for (s, panel) in panel.rows.chunks_exact(rows.len).enumerate() {
+        let mut runs: [&[f32]; M] = [&[]; M];
+        for (i, run) in runs.iter_mut().enumerate() {
+            *run = &rows.from[i * rows.step + s * rows.jump..][..panel.len()];
+        }
+        for (j, w) in panel.iter().enumerate() {
+            for i in 0..M {
+                let x = L::splat(runs[i][j]);
+                for p in 0..P {
+                    sum[i][p] = sum[i][p].plus_product(x, L::load(&w[p].0));
+                }
             }
         }
     }
-    let width = n - at % n;
-    for i in 0..M {
-        for p in (0..P).filter(|p| p * N_LANES < width) {
-            let at = at + i * n + p * N_LANES;
-            let end = at + N_LANES.min(width - p * N_LANES);
-            let plus = finish.plus.map(|plus| &plus[at..end]);
-            put(sum[i][p], plus, finish.limits, &mut out[at..end]);
+    let limits = finish.limits;
+    let width = (n - at % n).min(P * N_LANES);
+    for (i, sum) in sum.iter().enumerate() {
+        let from = at + i * n;
+        let plus = finish.plus.map(|plus| &plus[from..from + width]);
+        let out = &mut out[from..from + width];
+        match (plus, width == P * N_LANES) {
+            (None, true) => put_whole(sum, limits, out),
+            _ => put(sum, plus, limits, out),
         }
     }
 }
 
-/// Finishes up to eight sums.
+/// Finishes `P` times eight sums to which nothing is added.
 #[inline(always)]
-fn put<L: Lanes>(sum: L, plus: Option<&[f32]>, [low, high]: [f32; 2], out: &mut [f32]) {
-    let plus = plus.map_or(L::splat(0.0), |plus| L::load(&eight(plus)));
-    let held = sum.plus(plus).hold(L::splat(low), L::splat(high));
-    match <&mut [f32; N_LANES]>::try_from(&mut *out) {
-        Ok(out) => held.store(out),
-        Err(_) => {
-            let mut all = [0.0; N_LANES];
-            held.store(&mut all);
-            out.copy_from_slice(&all[..out.len()]);
+fn put_whole<const P: usize, L: Lanes>(sum: &[L; P], limits: [f32; 2], out: &mut [f32]) {
+    let [low, high] = [L::splat(limits[0]), L::splat(limits[1])];
+    for (sum, out) in sum.iter().zip(out.as_chunks_mut().0) {
+        sum.hold(low, high).store(out);
+    }
+}
+
+/// Finishes up to `P` times eight sums.
+#[inline(always)]
+fn put<const P: usize, L: Lanes>(
+    sum: &[L; P],
+    plus: Option<&[f32]>,
+    limits: [f32; 2],
+    out: &mut [f32],
+) {
+    let [low, high] = [L::splat(limits[0]), L::splat(limits[1])];
+    for (p, out) in out.chunks_mut(N_LANES).enumerate() {
+        let plus = plus.map_or(L::splat(0.0), |plus| L::load(&eight(&plus[p * N_LANES..])));
+        let held = sum[p].plus(plus).hold(low, high);
+        match <&mut [f32; N_LANES]>::try_from(&mut *out) {
+            Ok(out) => held.store(out),
+            Err(_) => {
+                let mut all = [0.0; N_LANES];
+                held.store(&mut all);
+                out.copy_from_slice(&all[..out.len()]);
+            }
         }
     }
 }
@@ -231,12 +291,12 @@ mod tests {
             };
             let packed = Packed::new(&w, &b);
             let mut out = vec![f32::NAN; m * n];
-            multiply(&packed, &rows, finish, &mut out);
+            multiply(&packed, Rows::plain(&rows, k), finish, &mut out);
             assert_close(&out, &want, 1e-5);
             let mut twin = vec![f32::NAN; m * n];
             plain(Multiply {
                 w: &packed,
-                rows: &rows,
+                rows: Rows::plain(&rows, k),
                 finish,
                 out: &mut twin,
             });
@@ -253,7 +313,12 @@ mod tests {
             limits: [f32::NEG_INFINITY, f32::INFINITY],
             plus: None,
         };
-        multiply(&Packed::new(&w, &b), &rows, finish, &mut out);
+        multiply(
+            &Packed::new(&w, &b),
+            Rows::plain(&rows, k),
+            finish,
+            &mut out,
+        );
         assert_close(&out, &naive(&w, &b, &rows), 1e-3);
     }
 }

@@ -4,6 +4,7 @@
 //! that need test data take its folder (`photos/`, `motion/`) and say so without it.
 
 mod clock;
+mod cloth;
 mod crowd;
 mod rooms;
 mod whole;
@@ -12,6 +13,7 @@ use std::path::Path;
 
 use crate::failure::{Exit, Failure};
 
+pub use cloth::cloth;
 pub use rooms::{body, fit, pose};
 pub use whole::{Drapes, drape, dress};
 

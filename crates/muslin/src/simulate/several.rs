@@ -73,7 +73,7 @@ fn on_all_cores(n: usize, work: &(dyn Fn() + Sync)) -> Result<(), Failure> {
 }
 
 /// Folders replaced by the files in them.
-fn expanded(motions: &[String]) -> Result<Vec<String>, Failure> {
+pub(crate) fn expanded(motions: &[String]) -> Result<Vec<String>, Failure> {
     let mut out = Vec::new();
     for motion in motions {
         if !Path::new(motion).is_dir() {

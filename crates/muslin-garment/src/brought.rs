@@ -1,0 +1,306 @@
+//! Garments that users bring: sewn from a pattern or read as a mesh, not cut by a recipe.
+//!
+//! They know their own cut and how they lie around the default body. On another body they are
+//! carried along with the nearest skin and then drawn to their own shape outside of it: a size
+//! stays that size, and may be too tight.
+
+use crate::garment::{Garment, Rim, Worn};
+use crate::recipe::{Opening, Side};
+use crate::relax::{Elastic, Memory, Outside, Round};
+use crate::settle::Net;
+use crate::sheet::{Row, blend};
+use crate::stand::{BodyMap, Stand};
+use crate::{GarmentError, Recipe};
+use glam::DVec3;
+use muslin_body::{Avatar, Shape, Sparse};
+use muslin_geom::Surface;
+
+/// A garment as it lies around the default body, before it is bound to it.
+pub(crate) struct Fitted {
+    pub name: String,
+    /// Panel of each face.
+    pub panel: Vec<u8>,
+    /// The panels' names.
+    pub panels: Vec<String>,
+    /// Faces and their rest shape.
+    pub cloth: Elastic,
+    /// Vertices [m].
+    pub verts: Vec<DVec3>,
+}
+
+/// What a brought garment is made of beyond what all garments have.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Brought {
+    cloth: Elastic,
+    /// Vertices on the default body [m].
+    verts: Vec<DVec3>,
+    /// Vertex → (bone, weight).
+    weights: Sparse,
+    pub panels: Vec<String>,
+}
+
+/// Rounds in which bone weights and moves are spread over the cloth.
+const SPREAD: usize = 12;
+/// Bones of a vertex, at most.
+const BONES: usize = 8;
+/// Rounds of drawing cloth to its shape on another body, or over other cloth.
+const ROUNDS: usize = 60;
+/// Room between two layers of cloth [m].
+const BETWEEN: f64 = 0.004;
+/// How far off the skin cloth is put [m], for edges of 12 mm.
+pub(crate) const OFF_SKIN: f64 = 0.004;
+/// A vertex within this distance counts as staying where it is [m].
+const SAME: f64 = 1e-6;
+
+impl Garment {
+    /// Binds a garment that lies around the avatar's default body.
+    pub(crate) fn bring(avatar: &Avatar, fitted: Fitted) -> Result<Garment, GarmentError> {
+        let base = avatar.figure(&Shape::default())?;
+        let map = BodyMap::new(avatar, &base)?;
+        let stand = Stand::new(&map, &base);
+        let Fitted {
+            name,
+            panel,
+            panels,
+            cloth,
+            verts,
+        } = fitted;
+        let binding = bind(&stand.skin, &verts);
+        let net = Net::new(cloth.faces.clone(), verts.len());
+        let rims = rims(&stand, &net, &verts);
+        let pins = match hangs_on_shoulders(&stand, &verts) {
+            true => Vec::new(),
+            false => waist(&rims),
+        };
+        let anchor = |i: usize| blend(binding.row(i), &base.verts);
+        let offset = (0..verts.len()).map(|i| verts[i] - anchor(i)).collect();
+        let weights = spread(&cloth, bone_rows(avatar, &binding));
+        Ok(Garment {
+            name,
+            recipe: None,
+            faces: cloth.faces.clone(),
+            uv: cloth.rest.clone(),
+            panel,
+            binding,
+            pins,
+            rims,
+            snug: vec![1.0; cloth.faces.len()],
+            offset,
+            net,
+            brought: Some(Box::new(Brought {
+                cloth,
+                verts,
+                weights,
+                panels,
+            })),
+        })
+    }
+}
+
+impl Garment {
+    /// The same brought garment, lying around the default body as at `verts` [m]: what a solver
+    /// made of it. A garment that was cut by a recipe stays as it is.
+    pub fn resting(self, avatar: &Avatar, verts: Vec<DVec3>) -> Result<Garment, GarmentError> {
+        let Some(brought) = self.brought else {
+            return Ok(self);
+        };
+        let fitted = Fitted {
+            name: self.name,
+            panel: self.panel,
+            panels: brought.panels,
+            cloth: brought.cloth,
+            verts,
+        };
+        Garment::bring(avatar, fitted)
+    }
+}
+
+impl Brought {
+    /// The garment on a body, outside of the cloth `under` it.
+    pub fn put_on(
+        &self,
+        (binding, offset): (&Sparse, &[DVec3]),
+        stand: &Stand,
+        under: &[(Surface, Vec<bool>)],
+    ) -> Worn {
+        let n = self.verts.len();
+        let own = |i: usize| blend(binding.row(i), stand.verts) + offset[i] - self.verts[i];
+        let moves = self.spread_moves((0..n).map(own).collect());
+        let still = moves.iter().all(|m| m.length() < SAME);
+        let mut x: Vec<DVec3> = self
+            .verts
+            .iter()
+            .zip(&moves)
+            .map(|(x, m)| *x + *m)
+            .collect();
+        if !still || !under.is_empty() {
+            self.draw(&mut x, stand, under);
+        }
+        Worn {
+            verts: x,
+            rest: self.cloth.rest.clone(),
+        }
+    }
+
+    fn draw(&self, x: &mut [DVec3], stand: &Stand, under: &[(Surface, Vec<bool>)]) {
+        let mut outside = vec![Outside {
+            surface: &stand.skin,
+            gap: OFF_SKIN,
+            rim: None,
+        }];
+        outside.extend(under.iter().map(|(surface, rim)| Outside {
+            surface,
+            gap: BETWEEN,
+            rim: Some(rim),
+        }));
+        let mut memory = Memory::default();
+        for round in 0..ROUNDS {
+            let how = Round {
+                stitch: 0.0,
+                smooth: if round < ROUNDS / 2 { 0.3 } else { 0.05 },
+                most: 0.01,
+            };
+            if round % 5 == 4 {
+                self.cloth.find_crossings(x, &mut memory);
+            }
+            self.cloth.round(x, (&outside, &mut memory), &how);
+        }
+    }
+
+    /// Moves [m] evened out over the cloth.
+    fn spread_moves(&self, mut moves: Vec<DVec3>) -> Vec<DVec3> {
+        for _ in 0..SPREAD {
+            let mean = |(m, row): (&DVec3, &Vec<(u32, f64)>)| {
+                let all: DVec3 = row.iter().map(|&(j, _)| moves[j as usize]).sum();
+                (*m + all) / (1 + row.len()) as f64
+            };
+            moves = moves.iter().zip(&self.cloth.rows).map(mean).collect();
+        }
+        moves
+    }
+
+    /// Vertex → (bone of the full rig, weight).
+    pub fn weights(&self) -> &Sparse {
+        &self.weights
+    }
+}
+
+/// Each vertex on the three corners of its nearest skin.
+pub(crate) fn bind(skin: &Surface, verts: &[DVec3]) -> Sparse {
+    let mut out = Sparse::new();
+    for v in verts {
+        let hit = skin.closest(*v, 1e3).unwrap_or_else(|| skin.at(*v, 0));
+        let f = skin.faces()[hit.face as usize];
+        let total: f64 = hit.weights.iter().sum();
+        out.push((0..3).map(|k| (f[k], hit.weights[k] / total)));
+    }
+    out
+}
+
+/// The bones of what each vertex is bound to.
+pub(crate) fn bone_rows(avatar: &Avatar, binding: &Sparse) -> Vec<Row> {
+    let bones = &avatar.rig().weights;
+    let one = |row: &[(u32, f64)]| {
+        let all = row.iter();
+        gather(all.flat_map(|&(i, w)| bones.row(i as usize).iter().map(move |&(b, s)| (b, s * w))))
+    };
+    binding.rows().map(one).collect()
+}
+
+/// Bone weights evened out over the cloth, so that no seam between two limbs tears.
+pub(crate) fn spread(cloth: &Elastic, mut rows: Vec<Row>) -> Sparse {
+    for _ in 0..SPREAD {
+        let mean = |(own, near): (&Row, &Vec<(u32, f64)>)| {
+            let share = 1.0 / (1 + near.len()) as f64;
+            let all = near.iter().flat_map(|&(j, _)| &rows[j as usize]).chain(own);
+            most(gather(all.map(|&(b, w)| (b, w * share))))
+        };
+        rows = rows.iter().zip(&cloth.rows).map(mean).collect();
+    }
+    let mut out = Sparse::new();
+    rows.into_iter().for_each(|r| out.push(r));
+    out
+}
+
+fn gather(all: impl Iterator<Item = (u32, f64)>) -> Row {
+    let mut row: Row = all.collect();
+    row.sort_by_key(|e| e.0);
+    row.dedup_by(|b, a| {
+        let same = a.0 == b.0;
+        a.1 += if same { b.1 } else { 0.0 };
+        same
+    });
+    row
+}
+
+/// The heaviest few, summing to one.
+fn most(mut row: Row) -> Row {
+    row.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    row.truncate(BONES);
+    row.sort_by_key(|e| e.0);
+    let sum: f64 = row.iter().map(|e| e.1).sum();
+    row.iter_mut().for_each(|e| e.1 /= sum);
+    row
+}
+
+/// Whether anything reaches above the armpits: then shoulders carry it, else the waist must.
+fn hangs_on_shoulders(stand: &Stand, verts: &[DVec3]) -> bool {
+    let top = verts.iter().map(|v| v.y).fold(f64::MIN, f64::max);
+    top > stand.armpit
+}
+
+fn waist(rims: &[Rim]) -> Vec<u32> {
+    let waist = rims.iter().filter(|r| r.opening == Opening::Waist);
+    let mut all: Vec<u32> = waist.flat_map(|r| r.verts.clone()).collect();
+    all.sort_unstable();
+    all
+}
+
+/// Names the openings by where they are.
+fn rims(stand: &Stand, net: &Net, x: &[DVec3]) -> Vec<Rim> {
+    let middle =
+        |ring: &Vec<u32>| ring.iter().map(|&i| x[i as usize]).sum::<DVec3>() / ring.len() as f64;
+    let middles: Vec<DVec3> = net.loops.iter().map(middle).collect();
+    let top = middles.iter().map(|m| m.y).fold(f64::MIN, f64::max);
+    let low = middles.iter().map(|m| m.y).fold(f64::MAX, f64::min);
+    let carried = hangs_on_shoulders(stand, x);
+    let name = |m: &DVec3| {
+        let aside = m.x.abs() > 0.6 * stand.limbs[0].shoulder.x.abs();
+        let below = m.y < stand.crotch.y;
+        let side = Side::of(*m);
+        match () {
+            () if m.y == top && carried => Opening::Neck,
+            () if m.y == top => Opening::Waist,
+            () if carried && aside && m.y > low + 0.02 && !below => Opening::Cuff(side),
+            () if below && m.x.abs() > 0.04 => Opening::LegHem(side),
+            () => Opening::Hem,
+        }
+    };
+    let rim = |(m, ring): (&DVec3, &Vec<u32>)| Rim {
+        opening: name(m),
+        verts: ring.clone(),
+    };
+    middles.iter().zip(&net.loops).map(rim).collect()
+}
+
+impl Garment {
+    /// The panels' names, in the order of their numbers.
+    pub fn panels(&self) -> Vec<&str> {
+        match &self.brought {
+            Some(b) => b.panels.iter().map(String::as_str).collect(),
+            None => self
+                .recipe
+                .iter()
+                .flat_map(Recipe::panels)
+                .copied()
+                .collect(),
+        }
+    }
+}
+
+impl Garment {
+    /// Vertices of a brought garment on the default body [m]; none of one that was cut.
+    pub(crate) fn brought_verts(&self) -> &[DVec3] {
+        self.brought.as_ref().map_or(&[], |b| &b.verts)
+    }
+}

@@ -1,0 +1,19 @@
+//! Neural garments at inference: pose in, draped vertices out.
+//!
+//! A [`Model`] holds a garment's rest shape, skin weights and what was learnt; a [`Player`] plays
+//! it, frame after frame, without allocating. It knows no energy and no solver: what it gives is a
+//! prediction, which may stretch or touch where the training did not reach.
+//!
+//! `x = Σ w_b A_b (template + M z(pose))`: a small network reads the pose and mixes a few tens of
+//! learnt shapes of the cloth (the rows of `M`), which are then skinned like the body.
+
+mod describe;
+mod error;
+mod model;
+mod player;
+mod stored;
+
+pub use describe::Reader;
+pub use error::ModelError;
+pub use model::{Model, Skin};
+pub use player::Player;

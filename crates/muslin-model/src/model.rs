@@ -1,0 +1,68 @@
+//! What a trained garment consists of.
+
+use std::collections::BTreeMap;
+
+use muslin_net::learn::Mlp;
+
+/// Which bones move each vertex, and how strongly.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Skin {
+    /// Where each vertex's entries start, and the end of the last.
+    pub starts: Vec<u32>,
+    /// Bone of each entry, as an index into [`Model::bones`].
+    pub bones: Vec<u8>,
+    /// Its weight; those of a vertex sum to one.
+    pub weights: Vec<f32>,
+}
+
+impl Skin {
+    /// How many vertices there are.
+    pub fn n_verts(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The (bone, weight) entries of vertex `v`.
+    pub fn row(&self, v: usize) -> impl Iterator<Item = (usize, f32)> + Clone {
+        let span = self.starts[v] as usize..self.starts[v + 1] as usize;
+        let bones = self.bones[span.clone()].iter().map(|b| usize::from(*b));
+        bones.zip(self.weights[span].iter().copied())
+    }
+}
+
+/// A garment that has learnt how to lie on a moving body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    /// What it is, on which body and from what it was trained, and under which terms.
+    pub notes: BTreeMap<String, String>,
+    /// Triangles.
+    pub faces: Vec<[u32; 3]>,
+    /// The cloth around the body at rest [m].
+    pub template: Vec<[f32; 3]>,
+    /// Bones that the cloth follows, by name.
+    pub bones: Vec<String>,
+    /// How it follows them.
+    pub skin: Skin,
+    /// Bones whose turns the network reads, by name; the first is the root.
+    pub drivers: Vec<String>,
+    /// Mean and 1/deviation of every input over the training poses.
+    pub scale: Vec<[f32; 2]>,
+    /// The network from inputs to codes.
+    pub encoder: Mlp,
+    /// Its weights.
+    pub params: Vec<f32>,
+    /// `M` [m]: for every coordinate of every vertex a row with one entry per code; the last code
+    /// is always one.
+    pub modes: Vec<f32>,
+}
+
+impl Model {
+    /// How many vertices the cloth has.
+    pub fn n_verts(&self) -> usize {
+        self.template.len()
+    }
+
+    /// How many codes there are, the one that is always one included.
+    pub fn n_codes(&self) -> usize {
+        self.encoder.widths.last().map_or(0, |w| w + 1)
+    }
+}

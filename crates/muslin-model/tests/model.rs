@@ -1,0 +1,175 @@
+//! A model as it is played and as it is stored.
+
+use glam::{DMat3, DVec3};
+use muslin_body::{Avatar, Pose, Shape, motions};
+use muslin_model::{Model, Player, Reader, Skin};
+use muslin_net::Numbers;
+use muslin_net::learn::{Mlp, Noise, Nonlinear};
+
+/// Random cloth of 37 vertices on three bones.
+fn model() -> Model {
+    let mut noise = Noise::new(11);
+    let n = 37;
+    let drivers: Vec<String> = ["root", "spine03", "upperarm01.L"]
+        .map(str::to_owned)
+        .into();
+    let inputs = Reader::n_inputs_of(drivers.len());
+    let encoder = Mlp {
+        widths: vec![inputs, 10, 6],
+        bend: Nonlinear::Silu,
+        bias: true,
+    };
+    let mut skin = Skin {
+        starts: vec![0],
+        ..Skin::default()
+    };
+    for v in 0..n {
+        let w = noise.unit() as f32;
+        skin.bones.extend([(v % 3) as u8, ((v + 1) % 3) as u8]);
+        skin.weights.extend([w, 1.0 - w]);
+        skin.starts.push(skin.bones.len() as u32);
+    }
+    Model {
+        notes: [("garment".to_owned(), "tee".to_owned())].into(),
+        faces: (0..n as u32 - 2).map(|i| [i, i + 1, i + 2]).collect(),
+        template: (0..n)
+            .map(|_| std::array::from_fn(|_| noise.normal() as f32))
+            .collect(),
+        bones: ["spine03", "upperarm01.L", "upperarm01.R"]
+            .map(str::to_owned)
+            .into(),
+        skin,
+        drivers,
+        scale: vec![[0.1, 1.3]; inputs],
+        params: encoder.start(&mut noise),
+        encoder,
+        modes: noise.normals(3 * n * 7).iter().map(|x| 0.02 * x).collect(),
+    }
+}
+
+#[test]
+fn a_frame_is_the_formula_written_out_in_double_precision() {
+    let avatar = Avatar::embedded().expect("the embedded body is sound");
+    let figure = avatar.figure(&Shape::default()).expect("the default shape");
+    let (model, pose) = (model(), wave(&avatar, 9));
+    let bones = avatar.bones(&figure, &pose);
+    let mut player = Player::new(&model, &avatar).expect("the bones are there");
+    let mut out = vec![[0.0f32; 3]; model.n_verts()];
+    player.frame(&pose, &bones, &mut out);
+    let z = codes(&model, &avatar, &pose);
+    for (v, out) in out.iter().enumerate() {
+        let d = |c: usize| {
+            (0..7)
+                .map(|k| f64::from(model.modes[(3 * v + c) * 7 + k]) * z[k])
+                .sum::<f64>()
+        };
+        let p = DVec3::new(d(0), d(1), d(2)) + DVec3::from_array(model.template[v].map(f64::from));
+        let mut x = DVec3::ZERO;
+        for (b, w) in model.skin.row(v) {
+            let bone = avatar.bone(&model.bones[b]).expect("a bone");
+            x += bones[bone].transform_point3(p) * f64::from(w);
+        }
+        let got = DVec3::from_array(out.map(f64::from));
+        assert!(got.distance(x) < 2e-6, "{v}: {got} against {x}");
+    }
+    let mut again = vec![[0.0f32; 3]; model.n_verts()];
+    player.frame(&wave(&avatar, 3), &bones, &mut again);
+    player.frame(&pose, &bones, &mut again);
+    assert_eq!(again, out, "nothing is left of the frame before");
+}
+
+fn wave(avatar: &Avatar, frame: usize) -> Pose {
+    let figure = avatar.figure(&Shape::default()).expect("the default shape");
+    motions::make(avatar, &figure, "wave", 10.0)
+        .expect("a built-in motion")
+        .poses[frame]
+        .clone()
+}
+
+/// The network in plain loops.
+fn codes(model: &Model, avatar: &Avatar, pose: &Pose) -> Vec<f64> {
+    let figure = avatar.figure(&Shape::default()).expect("the default shape");
+    let reader = Reader::new(avatar, &model.drivers).expect("the bones are there");
+    let mut told = vec![0.0; reader.n_inputs()];
+    reader.read(pose, &avatar.bones(&figure, pose), &mut told);
+    let mut x: Vec<f64> = told
+        .iter()
+        .map(|x| (f64::from(*x) - f64::from(0.1f32)) * f64::from(1.3f32))
+        .collect();
+    let mut params = model.params.as_slice();
+    let last = model.encoder.layers().len() - 1;
+    for (k, l) in model.encoder.layers().enumerate() {
+        let (own, rest) = params.split_at(l.n_params());
+        params = rest;
+        let y = (0..l.outputs).map(|o| {
+            let dot: f64 = (0..l.inputs)
+                .map(|i| f64::from(own[o * l.inputs + i]) * x[i])
+                .sum();
+            let y = dot + f64::from(own[l.inputs * l.outputs + o]);
+            if k < last { y / (1.0 + (-y).exp()) } else { y }
+        });
+        x = y.collect();
+    }
+    x.push(1.0);
+    x
+}
+
+#[test]
+fn a_turn_of_the_whole_body_about_the_vertical_turns_the_cloth_alike() {
+    let avatar = Avatar::embedded().expect("the embedded body is sound");
+    let figure = avatar.figure(&Shape::default()).expect("the default shape");
+    let (model, pose) = (model(), wave(&avatar, 9));
+    let turn = glam::DQuat::from_rotation_y(1.9);
+    let mut turned = pose.clone();
+    turned.rotations[0] = turn * turned.rotations[0];
+    let mut player = Player::new(&model, &avatar).expect("the bones are there");
+    let mut play = |pose: &Pose| {
+        let mut out = vec![[0.0f32; 3]; model.n_verts()];
+        player.frame(pose, &avatar.bones(&figure, pose), &mut out);
+        out
+    };
+    let (a, b) = (play(&pose), play(&turned));
+    let pivot = figure.joints[0] + pose.root;
+    for (p, q) in a.iter().zip(&b) {
+        let p = DVec3::from_array(p.map(f64::from));
+        let want = pivot + DMat3::from_quat(turn) * (p - pivot);
+        assert!(want.distance(DVec3::from_array(q.map(f64::from))) < 5e-6);
+    }
+}
+
+#[test]
+fn a_stored_model_comes_back_with_shapes_of_half_precision() {
+    let model = model();
+    let back = Model::from_weights(&model.to_weights()).expect("it was just written");
+    assert_eq!(
+        (&back.faces, &back.skin, &back.params),
+        (&model.faces, &model.skin, &model.params)
+    );
+    for (a, b) in back.modes.iter().zip(&model.modes) {
+        assert!((a - b).abs() <= 5e-4 * b.abs() + 1e-7);
+    }
+    assert_eq!(back.notes.get("garment"), model.notes.get("garment"));
+    assert_eq!(Model::from_weights(&back.to_weights()), Ok(back));
+}
+
+#[test]
+fn weights_that_are_no_model_are_refused_by_name() {
+    let whole = model().to_weights();
+    for name in whole.arrays.keys() {
+        let mut cut = whole.clone();
+        cut.arrays.remove(name);
+        let fault = Model::from_weights(&cut).expect_err("an array is missing");
+        assert!(fault.to_string().contains(name.as_str()), "{fault}");
+        let mut other = whole.clone();
+        other.arrays.get_mut(name).expect("it is there").numbers = Numbers::U8(vec![7; 5]);
+        assert!(Model::from_weights(&other).is_err(), "{name}");
+    }
+    let mut newer = whole.clone();
+    newer
+        .notes
+        .insert("format".into(), "muslin-garment 9".into());
+    assert!(Model::from_weights(&newer).is_err());
+    let mut nan = model();
+    nan.modes[3] = f32::NAN;
+    assert!(Model::from_weights(&nan.to_weights()).is_err());
+}

@@ -1,0 +1,36 @@
+//! Why a training cannot go on.
+
+use muslin_model::ModelError;
+use muslin_sim::SimError;
+
+/// Why a training cannot start or go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TrainError {
+    /// The cloth's arrays do not fit each other.
+    #[error("{0}")]
+    Cloth(#[from] SimError),
+    /// The body lacks what the model needs.
+    #[error("{0}")]
+    Body(#[from] ModelError),
+    /// Too few poses.
+    #[error("{0} poses are too few to learn from; give motions with {1} at least")]
+    FewPoses(usize, usize),
+    /// More bones than a file can name.
+    #[error("the cloth follows {0} bones; at most 255 can be stored")]
+    ManyBones(usize),
+    /// Numbers stopped being numbers.
+    #[error(
+        "{term} is not finite at step {step}, first at vertex {vertex}; lower --rate or check the fabric"
+    )]
+    NotFinite {
+        /// The term of the loss.
+        term: &'static str,
+        /// The step.
+        step: u64,
+        /// The first vertex.
+        vertex: usize,
+    },
+    /// What was kept belongs to another training.
+    #[error("what is kept is of another training: its {0} differs; start again without --resume")]
+    OtherTraining(&'static str),
+}

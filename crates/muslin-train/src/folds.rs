@@ -1,0 +1,142 @@
+//! Cloth that meets cloth: walls between parts that a pose brings together, as at an armpit.
+//!
+//! A garment encloses a body, so where two of its parts meet they do so with their outer sides.
+//! Each side sees the plane midway to the other as a wall. As the side is known, parts that have
+//! passed through each other are led back by the same law.
+
+use glam::DVec3;
+use muslin_geom::Surface;
+
+use crate::body::Wall;
+use crate::lanes::{LANES, Row};
+
+/// Cloth this near is looked for [m].
+const NEAR: f64 = 0.014;
+/// Cloth that was this near at rest is the same part [m].
+const SAME: f64 = 0.03;
+/// Distance that parts keep from each other [m].
+const APART: f64 = 0.003;
+
+/// A cloth that can be asked where it meets itself.
+#[derive(Clone, Debug)]
+pub struct Folds {
+    rest: Vec<DVec3>,
+    surface: Surface,
+}
+
+impl Folds {
+    /// A cloth that lies at `rest` [m] where it does not meet itself.
+    pub fn new(faces: &[[u32; 3]], rest: &[DVec3]) -> Self {
+        Self {
+            rest: rest.to_vec(),
+            surface: Surface::new(rest, faces),
+        }
+    }
+
+    /// The walls of the vertices that meet another part of the cloth at `x` [m], for a law that
+    /// pushes below a gap of `radius` [m].
+    pub fn find(&self, x: &[DVec3], radius: f64) -> Vec<(u32, Wall)> {
+        let mut surface = self.surface.clone();
+        surface.refit(x);
+        let one = |v: usize| self.meets(&surface, v, radius).map(|w| (v as u32, w));
+        (0..x.len()).filter_map(one).collect()
+    }
+
+    fn meets(&self, surface: &Surface, v: usize, radius: f64) -> Option<Wall> {
+        let (p, faces) = (surface.verts()[v], surface.faces());
+        let other = |f: u32| {
+            let own = faces[f as usize];
+            let apart = own
+                .iter()
+                .all(|i| self.rest[*i as usize].distance_squared(self.rest[v]) > SAME * SAME);
+            match apart {
+                true => surface.at(p, f).point.distance_squared(p),
+                false => f64::INFINITY,
+            }
+        };
+        let (face, _) = surface.bvh().nearest(p, NEAR * NEAR, other)?;
+        let hit = surface.at(p, face);
+        if surface.vertex_normals()[v].dot(hit.normal) > 0.0 {
+            return None;
+        }
+        // Midway, and so that the law begins to push where the parts come too near.
+        let depth = (p - hit.point).dot(hit.normal);
+        let offset = hit.normal.dot(hit.point) + 0.5 * depth - radius + 0.5 * APART;
+        let n = hit.normal.as_vec3();
+        Some([n.x, n.y, n.z, offset as f32])
+    }
+}
+
+/// Walls of sixteen poses, side by side; where a pose has none it is far off.
+pub fn gathered(poses: &[Vec<(u32, Wall)>]) -> Vec<(u32, [Row; 4])> {
+    let mut verts: Vec<u32> = poses.iter().flatten().map(|w| w.0).collect();
+    verts.sort_unstable();
+    verts.dedup();
+    let mut out: Vec<(u32, [Row; 4])> = verts
+        .iter()
+        .map(|v| {
+            (
+                *v,
+                [[0.0; LANES], [0.0; LANES], [0.0; LANES], [-1.0; LANES]],
+            )
+        })
+        .collect();
+    for (lane, walls) in poses.iter().enumerate() {
+        for (v, wall) in walls {
+            let at = verts
+                .binary_search(v)
+                .expect("every vertex was listed above");
+            (0..4).for_each(|c| out[at].1[c][lane] = wall[c]);
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two sheets that were far apart at rest, facing each other `gap` apart.
+    fn sheets(gap: f64) -> (Folds, Vec<DVec3>) {
+        let (mut faces, mut rest, mut x) = (Vec::new(), Vec::new(), Vec::new());
+        for side in 0..2u32 {
+            for i in 0..25u32 {
+                let p = DVec3::new(f64::from(i % 5) * 0.01, 0.0, f64::from(i / 5) * 0.01);
+                rest.push(p + DVec3::Y * 0.5 * f64::from(side));
+                x.push(p + DVec3::Y * gap * f64::from(side));
+            }
+            for c in (0..20u32).filter(|c| c % 5 < 4) {
+                let [a, b, d, e] = [c, c + 1, c + 5, c + 6].map(|i| i + 25 * side);
+                // The lower sheet faces up, the upper one down.
+                let (f, g) = if side == 0 {
+                    ([a, d, b], [b, d, e])
+                } else {
+                    ([a, b, d], [b, e, d])
+                };
+                faces.extend([f, g]);
+            }
+        }
+        (Folds::new(&faces, &rest), x)
+    }
+
+    #[test]
+    fn parts_too_near_or_through_each_other_are_led_apart_and_others_left_alone() {
+        for (gap, pushes) in [(0.01, false), (0.002, true), (-0.004, true)] {
+            let (folds, x) = sheets(gap);
+            let found = folds.find(&x, 0.004);
+            assert_eq!(found.len(), 50);
+            for (v, wall) in found {
+                let n = DVec3::new(f64::from(wall[0]), f64::from(wall[1]), f64::from(wall[2]));
+                let out = if v < 25 { -DVec3::Y } else { DVec3::Y };
+                assert!(n.dot(out) > 0.99, "{v}: {n}");
+                let below = n.dot(x[v as usize]) - f64::from(wall[3]) < 0.004;
+                assert_eq!(below, pushes, "gap {gap}");
+            }
+        }
+        let (folds, _) = sheets(0.01);
+        assert!(
+            folds.find(&folds.rest, 0.004).is_empty(),
+            "nothing meets at rest"
+        );
+    }
+}

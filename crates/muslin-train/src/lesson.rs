@@ -1,0 +1,65 @@
+//! What is to be learnt, and how.
+
+use glam::DVec3;
+use muslin_body::{Avatar, Figure, Sparse};
+use muslin_sim::Cloth;
+
+/// What is to be learnt: a cloth on a body.
+#[derive(Clone, Copy)]
+pub struct Lesson<'a> {
+    /// The body's family.
+    pub avatar: &'a Avatar,
+    /// The body.
+    pub figure: &'a Figure,
+    /// What is worn.
+    pub cloth: &'a Cloth,
+    /// Where it lies around the body at rest [m].
+    pub template: &'a [DVec3],
+    /// Vertex → (bone of the rig, weight); see [`crate::diffused`].
+    pub weights: &'a Sparse,
+}
+
+/// How it is learnt. The defaults suit a garment of a few thousand vertices.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Learnt shapes, the constant one included.
+    pub codes: usize,
+    /// Widths of the network's inner layers.
+    pub hidden: Vec<usize>,
+    /// Steps in all; the last part of them is slower and slower.
+    pub steps: u64,
+    /// Packs of sixteen poses in a step.
+    pub packs: usize,
+    /// Step size of the network.
+    pub rate: f32,
+    /// Step size of the learnt shapes; one is Newton's.
+    pub shape_rate: f32,
+    /// Share of the last gradients that a step of the shapes remembers.
+    pub momentum: f32,
+    /// What is added to the stiffness that shapes are stepped by [N/m].
+    pub damping: f64,
+    /// Distance at which skin begins to push cloth [m].
+    pub gap: f64,
+    /// Largest stiffness of skin [N/m] per vertex.
+    pub skin: f64,
+    /// Where random numbers start.
+    pub seed: u64,
+}
+
+impl Default for Plan {
+    fn default() -> Self {
+        Self {
+            codes: 64,
+            hidden: vec![128, 128],
+            steps: 1500,
+            packs: 2,
+            rate: 1e-3,
+            shape_rate: 0.15,
+            momentum: 0.8,
+            damping: 0.3,
+            gap: 4e-3,
+            skin: 400.0,
+            seed: 1,
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! Teaches a model with energies as its teacher.
+//!
+//! No frame is simulated. A [`Trainer`] shows poses to a small network, skins the cloth that it
+//! predicts, asks the laws what that cloth costs on the body, and turns the answer into a better
+//! network. Sixteen poses are worked on at a time, the pose innermost, so that one coordinate of
+//! all of them is one wide register.
+//!
+//! The learnt shapes are stepped by the elastic operator: `ΔM = −H⁻¹ G S⁻¹`, with the mean
+//! gradient `G`, the stiffness `H` of the cloth around the body at rest and the codes' second
+//! moments `S`. It is Newton's step if the stiffness were the same in all poses, smooths like a
+//! Sobolev gradient, and converges in hundreds of steps where a first-order method takes tens of
+//! thousands.
+
+mod body;
+mod cut;
+mod elastic;
+mod error;
+mod factor;
+mod folds;
+mod lanes;
+mod laws;
+mod lesson;
+mod pack;
+mod pool;
+mod prepare;
+mod skin;
+mod state;
+#[cfg(test)]
+mod testing;
+mod trainer;
+mod update;
+mod weights;
+mod work;
+
+pub use error::TrainError;
+pub use lesson::{Lesson, Plan};
+pub use pool::{mixed, sampled};
+pub use trainer::{Energies, Told, Trainer};
+pub use weights::diffused;

@@ -1,0 +1,69 @@
+//! Sixteen poses side by side, with all that does not change while the network learns.
+
+use muslin_body::Pose;
+use muslin_model::Reader;
+
+use crate::body::Skinned;
+use crate::lanes::{LANES, Row};
+
+/// Sixteen poses.
+#[derive(Clone, Debug)]
+pub struct Pack {
+    /// The poses, as indices into the pool.
+    pub poses: [u32; LANES],
+    /// What the network is told.
+    pub inputs: Vec<Row>,
+    /// Transforms of the bones that the cloth follows.
+    pub bones: Vec<[Row; 12]>,
+    /// The wall at every vertex: normal and offset. Empty until it is first asked for.
+    pub walls: Vec<[Row; 4]>,
+    /// Walls where cloth meets cloth, by vertex in order.
+    pub folds: Vec<(u32, [Row; 4])>,
+    /// The skin around the cloth in every pose [m]. Empty until it is first asked for.
+    pub skins: Vec<Vec<[f32; 3]>>,
+    /// How often it was learnt from.
+    pub visits: u64,
+}
+
+impl Pack {
+    /// From poses of the pool; `rig` names the bones that the cloth follows.
+    pub fn new(
+        poses: [u32; LANES],
+        pool: &[Pose],
+        (body, reader, rig): (&Skinned<'_>, &Reader, &[usize]),
+    ) -> Self {
+        let mut inputs = vec![[0.0; LANES]; reader.n_inputs()];
+        let mut bones = vec![[[0.0; LANES]; 12]; rig.len()];
+        let mut told = vec![0.0; reader.n_inputs()];
+        for (lane, p) in poses.iter().enumerate() {
+            let pose = &pool[*p as usize];
+            let all = body.bones(pose);
+            reader.read(pose, &all, &mut told);
+            inputs
+                .iter_mut()
+                .zip(&told)
+                .for_each(|(row, x)| row[lane] = *x);
+            for (bone, b) in bones.iter_mut().zip(rig) {
+                let a = all[*b].to_cols_array();
+                bone.iter_mut()
+                    .zip(a)
+                    .for_each(|(row, x)| row[lane] = x as f32);
+            }
+        }
+        Self {
+            poses,
+            inputs,
+            bones,
+            walls: Vec::new(),
+            folds: Vec::new(),
+            skins: Vec::new(),
+            visits: 0,
+        }
+    }
+
+    /// Whether the walls are to be looked for anew: often at first, when the cloth moves much.
+    pub fn is_due(&self) -> bool {
+        matches!(self.visits, 0 | 3 | 8 | 20)
+            || (self.visits >= 50 && self.visits.is_multiple_of(50))
+    }
+}

@@ -1,0 +1,147 @@
+//! From what poses give to a better network.
+
+use muslin_net::learn::{Adam, View, multiply};
+
+use crate::elastic::Elastic;
+use crate::factor::Factor;
+use crate::lesson::Plan;
+use crate::trainer::Trainer;
+use crate::work::Work;
+
+/// No learnt shape changes farther than this in a step [m].
+const FARTHEST: f32 = 0.01;
+/// Memory of the codes' moments and of the walls' stiffness.
+const MEMORY: f64 = 0.95;
+/// Share of the codes' mean square that is added to all of them.
+const FLOOR: f64 = 1e-2;
+/// Share of the skin's stiffness at the first step, and of the steps after which it has all.
+const SOFT_START: f32 = 0.2;
+const HARDENED: f32 = 0.4;
+/// Share of the steps at the end in which step sizes fall.
+const FADE: f32 = 0.4;
+
+impl Trainer<'_> {
+    /// Slower and slower at the end.
+    fn fading(&self) -> f32 {
+        let done = self.now.step as f32 / self.plan.steps.max(1) as f32;
+        ((1.0 - done) / FADE).clamp(0.01, 1.0)
+    }
+
+    /// Soft at first, so that cloth finds its way out of the body before it is pressed on it.
+    pub(crate) fn skin_stiffness(&self) -> f32 {
+        let done = self.now.step as f32 / self.plan.steps.max(1) as f32;
+        self.plan.skin as f32 * (SOFT_START + (1.0 - SOFT_START) * done / HARDENED).min(1.0)
+    }
+
+    /// Takes a step.
+    pub(crate) fn learn(&mut self, works: &[Work]) {
+        let share = 1.0 / works.len() as f32;
+        let sum = |of: fn(&Work) -> &[f32]| {
+            let mut out = vec![0.0f32; of(&works[0]).len()];
+            for w in works {
+                out.iter_mut().zip(of(w)).for_each(|(o, x)| *o += share * x);
+            }
+            out
+        };
+        let adam = Adam {
+            rate: self.plan.rate * self.fading(),
+            ..Adam::default()
+        };
+        adam.step(
+            &mut self.now.adam,
+            &mut self.now.params,
+            &sum(|w| &w.d_params),
+        );
+        self.remember(&sum(|w| &w.moments), &sum(|w| w.walls.as_flattened()));
+        let (d_modes, keep) = (sum(|w| &w.d_modes), self.plan.momentum);
+        for (m, d) in self.now.momentum.iter_mut().zip(&d_modes) {
+            *m = keep * *m + (1.0 - keep) * d;
+        }
+        let k = self.plan.codes;
+        let solved = self.factor.solve(&self.now.momentum, k);
+        let inverse = inverse(&self.now.moments, k, FLOOR);
+        let mut moves = vec![0.0; solved.len()];
+        multiply(
+            &mut moves,
+            0.0,
+            View::new(&solved, solved.len() / k, k),
+            View::new(&inverse, k, k),
+        );
+        let rate = self.plan.shape_rate * self.fading();
+        let largest = moves
+            .chunks_exact(k)
+            .map(|row| row.iter().map(|x| x * x).sum::<f32>());
+        let largest = rate * largest.fold(0.0, f32::max).sqrt();
+        let rate = rate * (FARTHEST / largest.max(1e-12)).min(1.0);
+        self.now
+            .modes
+            .iter_mut()
+            .zip(&moves)
+            .for_each(|(m, d)| *m -= rate * d);
+    }
+
+    /// Takes codes and walls into the running means, and factors anew where that is due.
+    fn remember(&mut self, moments: &[f32], walls: &[f32]) {
+        let now = &mut self.now;
+        let keep = if now.moments[now.moments.len() - 1] == 0.0 {
+            0.0
+        } else {
+            MEMORY
+        };
+        for (m, x) in now.moments.iter_mut().zip(moments) {
+            *m = keep * *m + (1.0 - keep) * f64::from(*x);
+        }
+        for (m, x) in now.walls.as_flattened_mut().iter_mut().zip(walls) {
+            *m = keep as f32 * *m + (1.0 - keep as f32) * x;
+        }
+        if matches!(now.step, 1 | 5 | 20 | 60) || now.step.is_multiple_of(150) {
+            now.factored.clone_from(&now.walls);
+            self.refactor();
+        }
+    }
+
+    /// Factors with the walls that were remembered last.
+    pub(crate) fn refactor(&mut self) {
+        self.factor = factored(&self.elastic, &self.now.factored, &self.plan);
+    }
+}
+
+/// Factors the stiffness with walls.
+pub(crate) fn factored(elastic: &Elastic, walls: &[[f32; 6]], plan: &Plan) -> Factor {
+    let factor = elastic.factor(walls, plan.damping);
+    factor.expect("springs and a positive damping are positive definite")
+}
+
+/// The inverse of the moments, with a floor of that share of their mean.
+fn inverse(moments: &[f64], k: usize, floor: f64) -> Vec<f32> {
+    let mean = (0..k).map(|i| moments[i * k + i]).sum::<f64>() / k as f64;
+    let mut a = moments.to_vec();
+    (0..k).for_each(|i| a[i * k + i] += floor * mean.max(1e-12));
+    // Cholesky in place, then the inverse column by column.
+    for j in 0..k {
+        for i in j..k {
+            let dot: f64 = (0..j).map(|q| a[i * k + q] * a[j * k + q]).sum();
+            let value = a[i * k + j] - dot;
+            a[i * k + j] = if i == j {
+                value.sqrt()
+            } else {
+                value / a[j * k + j]
+            };
+        }
+    }
+    let mut out = vec![0.0f32; k * k];
+    for c in 0..k {
+        let mut x = vec![0.0; k];
+        x[c] = 1.0;
+        for i in 0..k {
+            let dot: f64 = (0..i).map(|q| a[i * k + q] * x[q]).sum();
+            x[i] = (x[i] - dot) / a[i * k + i];
+        }
+        for i in (0..k).rev() {
+            let dot: f64 = (i + 1..k).map(|q| a[q * k + i] * x[q]).sum();
+            x[i] = (x[i] - dot) / a[i * k + i];
+        }
+        (0..k).for_each(|r| out[r * k + c] = x[r] as f32);
+    }
+    out
+}

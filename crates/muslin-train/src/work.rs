@@ -1,0 +1,317 @@
+//! One pack: prediction, laws, and the way back to the parameters.
+
+use glam::DVec3;
+use muslin_net::learn::{MlpTape, View, multiply};
+use rayon::prelude::*;
+
+use crate::body::{self, Wall as Plane};
+use crate::folds::gathered;
+use crate::lanes::{LANES, Lane, Row, Vec3};
+use crate::laws::{self, Wall};
+use crate::pack::Pack;
+use crate::skin;
+use crate::trainer::{Energies, Trainer};
+
+/// Stiffness of a pin [N/m], as in the solver.
+const PIN: f32 = 100.0;
+
+/// The entries of a symmetric 3 × 3 matrix that are kept.
+const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
+
+/// What one pack gives.
+#[derive(Default)]
+pub(crate) struct Work {
+    pub d_modes: Vec<f32>,
+    pub d_params: Vec<f32>,
+    pub moments: Vec<f32>,
+    pub walls: Vec<[f32; 6]>,
+    pub energies: Energies,
+    pub under: f64,
+    /// The first vertex whose gradient is not finite.
+    pub broken: Option<usize>,
+}
+
+impl Trainer<'_> {
+    /// Predicts, asks the laws, and goes back as far as the parameters.
+    pub(crate) fn work(&self, pack: &mut Pack) -> Work {
+        let mut tape = MlpTape::default();
+        let inputs = (pack.inputs.as_flattened(), LANES);
+        let mut codes = self
+            .encoder
+            .forward(&self.now.params, inputs, &mut tape)
+            .to_vec();
+        codes.extend([1.0; LANES]);
+        let (n, k) = (self.cut.n_verts(), self.plan.codes);
+        let modes = View::new(&self.now.modes, 3 * n, k);
+        let codes = View::new(&codes, k, LANES);
+        let mut x = vec![[0.0; LANES]; 3 * n];
+        multiply(x.as_flattened_mut(), 0.0, modes, codes);
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || self.carry(pack, &mut x),
+        );
+        if pack.is_due() {
+            self.find_walls(pack, &x);
+        }
+        pack.visits += 1;
+        let mut work = Work::default();
+        let mut g = vec![[0.0; LANES]; 3 * n];
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || self.ask(pack, (&x, &mut g), &mut work),
+        );
+        if work.broken.is_some() {
+            return work;
+        }
+        let share = 1.0 / LANES as f32;
+        g.as_flattened_mut().iter_mut().for_each(|g| *g *= share);
+        let g = View::new(g.as_flattened(), 3 * n, LANES);
+        work.d_modes = vec![0.0; 3 * n * k];
+        multiply(&mut work.d_modes, 0.0, g, codes.transposed());
+        let mut d_codes = vec![0.0; k * LANES];
+        multiply(&mut d_codes, 0.0, modes.transposed(), g);
+        work.d_params = vec![0.0; self.now.params.len()];
+        d_codes.truncate((k - 1) * LANES);
+        self.encoder
+            .backward(&self.now.params, &tape, &d_codes, &mut work.d_params);
+        work.moments = vec![0.0; k * k];
+        multiply(&mut work.moments, 0.0, codes, codes.transposed());
+        work.moments.iter_mut().for_each(|m| *m *= share);
+        work
+    }
+
+    /// From corrections at rest to positions in the poses, in place.
+    #[inline(always)]
+    fn carry(&self, pack: &Pack, x: &mut [Row]) {
+        for v in 0..self.template.len() {
+            let a = skin::blend(&self.skin, v, &pack.bones);
+            let t = self.template[v];
+            let d = Vec3::of(x, v as u32);
+            let p = Vec3([0, 1, 2].map(|i| d.0[i] + t[i]));
+            skin::carry(&a, p).put(x, v as u32);
+        }
+    }
+
+    fn find_walls(&self, pack: &mut Pack, x: &[Row]) {
+        let n = self.cut.n_verts();
+        if pack.skins.is_empty() {
+            let pose = |p: &u32| self.body.skin(&self.pool[*p as usize]);
+            pack.skins = pack.poses.par_iter().map(pose).collect();
+        }
+        let skins = &pack.skins;
+        let each = |lane: usize| {
+            let one = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
+            let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(one).collect();
+            let mut planes: Vec<Plane> = vec![[0.0; 4]; n];
+            body::walls(&mut self.body.surface(), &skins[lane], &x, &mut planes);
+            (planes, self.folds.find(&x, self.plan.gap))
+        };
+        let all: Vec<(Vec<Plane>, Vec<(u32, Plane)>)> =
+            (0..LANES).into_par_iter().map(each).collect();
+        pack.walls = (0..n)
+            .map(|v| [0, 1, 2, 3].map(|c| std::array::from_fn(|lane| all[lane].0[v][c])))
+            .collect();
+        let folds: Vec<Vec<(u32, Plane)>> = all.into_iter().map(|a| a.1).collect();
+        pack.folds = gathered(&folds);
+    }
+
+    /// Costs of the positions `x`, and their gradient in the rest frame.
+    #[inline(always)]
+    fn ask(&self, pack: &Pack, (x, g): (&[Row], &mut [Row]), work: &mut Work) {
+        let n = self.cut.n_verts();
+        let membrane = laws::membrane(&self.cut, x, g);
+        let mut sums = [
+            membrane,
+            Lane::all(0.0),
+            Lane::all(0.0),
+            Lane::all(0.0),
+            Lane::all(0.0),
+        ];
+        let wall = Wall {
+            radius: self.plan.gap as f32,
+            width: 1e-3,
+            stiffness: self.skin_stiffness(),
+        };
+        let mut under = Lane::all(0.0);
+        work.walls = vec![[0.0; 6]; n];
+        let mut folds = pack.folds.iter().peekable();
+        let mut pins = self.cut.pins.iter().peekable();
+        for v in 0..n {
+            let here = Vec3::of(x, v as u32);
+            let (bend, mut force) = laws::bending(&self.cut, x, v);
+            // The pull is the gradient of the bending energy with the sign of Q's rows.
+            sums[1] += bend;
+            force = force + Vec3::of(g, v as u32);
+            let weight = self.cut.mass[v] * laws::G;
+            force.0[1] += Lane::all(weight);
+            sums[2] += here.0[1] * weight;
+            let a = skin::blend(&self.skin, v, &pack.bones);
+            let mut stiff = [0.0; 6];
+            let mut push = |plane: &[Row; 4], force: &mut Vec3| {
+                let normal = Vec3([Lane(plane[0]), Lane(plane[1]), Lane(plane[2])]);
+                let gap = normal.dot(here) - Lane(plane[3]);
+                let [energy, slope, curvature] = wall.at(gap);
+                sums[3] += energy;
+                *force += normal.times(slope);
+                let m = skin::bring_back(&a, normal);
+                for (sum, (i, j)) in stiff.iter_mut().zip(PAIRS) {
+                    *sum += (m.0[i] * m.0[j] * curvature).sum() as f32 / LANES as f32;
+                }
+                gap
+            };
+            let gap = push(&pack.walls[v], &mut force);
+            under += gap.choose_below(0.0, 1.0, 0.0);
+            if let Some(fold) = folds.next_if(|f| f.0 as usize == v) {
+                push(&fold.1, &mut force);
+            }
+            work.walls[v] = stiff;
+            if pins.next_if_eq(&&(v as u32)).is_some() {
+                let t = self.template[v];
+                let held = skin::carry(&a, Vec3(t.map(Lane::all)));
+                let off = here - held;
+                sums[4] += off.dot(off) * (0.5 * PIN);
+                force += off * PIN;
+            }
+            skin::bring_back(&a, force).put(g, v as u32);
+        }
+        let mean = |s: Lane| s.sum() / LANES as f64;
+        work.energies = Energies {
+            membrane: mean(sums[0]),
+            bend: mean(sums[1]),
+            weight: mean(sums[2]),
+            contact: mean(sums[3]),
+            pins: mean(sums[4]),
+        };
+        work.under = mean(under) / n as f64;
+        let sound = |row: &Row| row.iter().all(|x| x.is_finite());
+        work.broken = g.iter().position(|row| !sound(row)).map(|at| at / 3);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::LazyLock;
+
+    use super::*;
+    use crate::TrainError;
+    use crate::testing::Class;
+
+    static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
+
+    /// The cost of a pack whose walls are known.
+    fn cost(trainer: &Trainer, pack: &Pack) -> f64 {
+        trainer.work(&mut pack.clone()).energies.total()
+    }
+
+    #[test]
+    fn the_gradients_are_those_of_the_cost_in_shapes_and_in_the_network() {
+        let mut trainer = CLASS.trainer();
+        for _ in 0..4 {
+            trainer.step().expect("finite");
+        }
+        let mut pack = trainer.now.packs[0].clone();
+        pack.visits = 0;
+        trainer.work(&mut pack);
+        let work = trainer.work(&mut pack.clone());
+        for which in 0..2 {
+            let gradient = if which == 0 {
+                &work.d_modes
+            } else {
+                &work.d_params
+            };
+            let norm = gradient
+                .iter()
+                .map(|g| f64::from(*g).powi(2))
+                .sum::<f64>()
+                .sqrt();
+            let step = 2e-3 / norm;
+            let mut at = |sign: f64| {
+                let now = if which == 0 {
+                    &mut trainer.now.modes
+                } else {
+                    &mut trainer.now.params
+                };
+                let old = now.clone();
+                now.iter_mut()
+                    .zip(gradient)
+                    .for_each(|(m, g)| *m += (sign * step * f64::from(*g)) as f32);
+                let cost = cost(&trainer, &pack);
+                if which == 0 {
+                    trainer.now.modes = old
+                } else {
+                    trainer.now.params = old
+                }
+                cost
+            };
+            let slope = (at(1.0) - at(-1.0)) / (2.0 * step);
+            assert!(
+                (slope / (norm * norm) - 1.0).abs() < 0.02,
+                "{which}: {slope} against {}",
+                norm * norm
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_skipped_a_few_times_and_then_named() {
+        let mut trainer = CLASS.trainer();
+        trainer.step().expect("finite");
+        trainer.now.modes[5 * 3 * 8] = f32::NAN;
+        let before = trainer.now.params.clone();
+        let mut fault = None;
+        for _ in 0..10 {
+            if let Err(e) = trainer.step() {
+                fault = Some(e);
+                break;
+            }
+            assert_eq!(
+                trainer.now.params, before,
+                "nothing is learnt from such a batch"
+            );
+        }
+        assert!(
+            matches!(fault, Some(TrainError::NotFinite { vertex, .. }) if vertex <= 6),
+            "{fault:?}"
+        );
+    }
+
+    #[test]
+    fn a_resumed_training_gives_the_bits_of_an_unbroken_one_on_any_number_of_threads() {
+        let run = |threads: usize, stop: u64| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.expect("threads").install(|| {
+                let mut trainer = CLASS.trainer();
+                while trainer.steps() < stop {
+                    trainer.step().expect("finite");
+                }
+                let kept = trainer.keep();
+                let mut again = CLASS.trainer();
+                again.restore(&kept).expect("of the same training");
+                while again.steps() < 6 {
+                    again.step().expect("finite");
+                }
+                again.keep()
+            })
+        };
+        let whole = run(1, 6);
+        assert!(run(3, 0) == whole && run(2, 3) == whole);
+        let mut other = whole.clone();
+        other.notes.insert("identity".into(), "another".into());
+        assert!(CLASS.trainer().restore(&other).is_err());
+    }
+
+    #[test]
+    fn forty_steps_lower_the_cost_and_bring_the_cloth_out_of_the_body() {
+        let mut trainer = CLASS.trainer();
+        let first = trainer.judge(&CLASS.poses);
+        let mut told = Vec::new();
+        while trainer.steps() < 40 {
+            told.push(trainer.step().expect("finite"));
+        }
+        let last = trainer.judge(&CLASS.poses);
+        let excess = |t: &crate::Told| t.energies.membrane + t.energies.contact;
+        assert!(excess(&last) < 0.35 * excess(&first), "{first:?} {last:?}");
+        assert!(last.under < 0.2 * first.under, "{first:?} {last:?}");
+        assert_eq!(trainer.model(Default::default()).check(), Ok(()));
+    }
+}

@@ -1,0 +1,283 @@
+//! Playing a trained garment: from a model and a motion to an animation on disk.
+
+mod frames;
+mod options;
+
+use std::path::Path;
+
+use muslin_body::Avatar;
+use muslin_geom::{Report, Value};
+use muslin_io::{read_file, read_weights};
+use muslin_model::{Model, ModelError};
+
+use crate::dress::{asked_shape, file_failure};
+use crate::failure::{Exit, Failure};
+use crate::figure::body_failure;
+use crate::options::{DressOptions, Wear};
+use crate::outcome::Outcome;
+use crate::outfit::Outfit;
+use crate::simulate::SimulateOptions;
+use crate::simulate::files::{self, Folders, Made};
+use crate::simulate::motion;
+use crate::simulate::quality::{Quality, round};
+use crate::simulate::set::Set;
+use crate::table::Table;
+use crate::tell;
+use crate::train::topology;
+use crate::watch::Watch;
+use muslin_garment::Cut;
+
+use frames::{Played, play};
+pub use options::AnimateOptions;
+
+/// How many stages an animation has.
+const STAGES: usize = 5;
+/// Models with more bytes are refused.
+const MOST_BYTES: u64 = 256 << 20;
+
+/// Plays a model on a motion and writes the animation to `out` (a `.glb`), with `NAME.report.json`
+/// beside it.
+///
+/// Every frame that the network predicts is led by `refine` iterations of the solver to where the
+/// cloth lies without touching, and checked by exact predicates; frames that fail are solved again.
+/// With `refine` zero frames are written as predicted, and the report says `unchecked`.
+pub fn animate(
+    out: &Path,
+    options: &AnimateOptions,
+    watch: &mut Watch,
+) -> Result<Outcome, Failure> {
+    options.check(out)?;
+    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let model = read_model(&options.model)?;
+    let simulate = as_trained(&model, &options.simulate)?;
+    let folders = Folders::open(out, &simulate)?;
+    let mut stage = Theatre {
+        options,
+        watch,
+        report: Report::default(),
+        times: Report::default(),
+        warnings: Vec::new(),
+    };
+    let set = stage.set(&avatar, &model, &simulate)?;
+    stage.perform((&set, &model), &simulate, (out, folders))
+}
+
+/// The model in a file.
+pub(crate) fn read_model(path: &Path) -> Result<Model, Failure> {
+    let input = read_file(path, MOST_BYTES).map_err(|e| file_failure(&e))?;
+    let weights = read_weights(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
+    Model::from_weights(&weights).map_err(|e| model_failure(&e).at(input.file))
+}
+
+pub(crate) fn model_failure(e: &ModelError) -> Failure {
+    Failure::new(Exit::Invalid, "model", e.to_string())
+        .hint("give a file that `muslin train` wrote")
+}
+
+/// The options with the body and the garment that the model was trained with.
+pub(crate) fn as_trained(
+    model: &Model,
+    asked: &SimulateOptions,
+) -> Result<SimulateOptions, Failure> {
+    let note = |name: &str| model.notes.get(name).map_or("", String::as_str);
+    let number = |name: &str| match note(name) {
+        "" => Ok(None),
+        text => text.parse().map(Some).map_err(|_| {
+            let what = format!("its note {name:?} is no number");
+            Failure::new(Exit::Invalid, "model", what)
+        }),
+    };
+    let cut = match note("cut") {
+        "slim" => Cut::Slim,
+        "loose" => Cut::Loose,
+        _ => Cut::Regular,
+    };
+    let wear = Wear {
+        garment: note("garment").to_owned(),
+        fabric: Some(note("fabric").to_owned()),
+    };
+    let dress = DressOptions {
+        outfit: vec![wear],
+        height: number("height")?,
+        weight: number("weight")?,
+        gender: number("gender")?,
+        edge: number("edge")?.unwrap_or(asked.dress.edge),
+        cut,
+        ..asked.dress.clone()
+    };
+    Ok(SimulateOptions {
+        dress,
+        ..asked.clone()
+    })
+}
+
+struct Theatre<'a, 'w> {
+    options: &'a AnimateOptions,
+    watch: &'a mut Watch<'w>,
+    report: Report,
+    times: Report,
+    warnings: Vec<String>,
+}
+
+impl Theatre<'_, '_> {
+    fn done(&mut self, number: usize, name: &'static str, result: String) -> Result<(), Failure> {
+        let seconds = self.watch.done((number, STAGES), name, result)?;
+        self.times.set(name, round(seconds));
+        Ok(())
+    }
+
+    fn warn(&mut self, warnings: Vec<String>) {
+        warnings.iter().for_each(|w| self.watch.warn(w));
+        self.warnings.extend(warnings);
+    }
+
+    /// Body, motion and garment, as the model knows them.
+    fn set<'a>(
+        &mut self,
+        avatar: &'a Avatar,
+        model: &Model,
+        simulate: &SimulateOptions,
+    ) -> Result<Set<'a>, Failure> {
+        let shape = asked_shape(avatar, &simulate.dress)?;
+        let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
+        let measures = avatar.measure(&figure);
+        self.report.set("body", tell::body(&shape, &measures));
+        self.done(1, "body", tell::measures(&measures))?;
+        let mut moving = motion::load(avatar, &figure, simulate)?;
+        self.warn(std::mem::take(&mut moving.warnings));
+        let mut r = Report::default();
+        r.set("name", moving.name.as_str())
+            .set("frames", moving.frames());
+        r.set("frames_per_second", moving.motion.fps);
+        self.report.set("motion", r);
+        let told = format!(
+            "{}: {} frames at {} a second",
+            moving.name,
+            moving.frames(),
+            moving.motion.fps
+        );
+        self.done(2, "motion", told)?;
+        let mut warnings = Vec::new();
+        let outfit = Outfit::make(avatar, &simulate.dress, |w| warnings.push(w.to_owned()))?;
+        self.warn(warnings);
+        self.report.set("outfit", tell::outfit(&outfit));
+        let told = tell::pieces(&outfit);
+        let set = Set::new(avatar, figure, moving, outfit)?;
+        fits(model, &set)?;
+        self.done(3, "garment", told)?;
+        Ok(set)
+    }
+
+    fn perform(
+        mut self,
+        (set, model): (&Set, &Model),
+        simulate: &SimulateOptions,
+        (out, folders): (&Path, Folders),
+    ) -> Result<Outcome, Failure> {
+        let played = play((set, model), self.options.refine, self.watch)?;
+        let Played {
+            mut reel,
+            raw,
+            again,
+        } = played;
+        let told = std::mem::take(&mut reel.told);
+        let clip = set.clip(reel);
+        let quality = Quality::measure(set, &clip, told);
+        let refined = self.options.refine > 0;
+        let mut r = Report::default();
+        r.set("refine", self.options.refine);
+        r.set("checked", if refined { "exact" } else { "unchecked" });
+        r.set("frames_solved_again", again);
+        r.set("raw_frames_a_second", raw.rate.round());
+        r.set("raw_vertices_inside_percent", raw.inside);
+        r.set("model", notes(model));
+        self.report.set("animation", r);
+        self.report.set("cloth", quality.report());
+        self.warn(quality.warnings(clip.drape.fps));
+        if !refined {
+            self.warn(vec![
+                "unchecked: frames are as the network predicts them; --refine 5 makes them clean"
+                    .into(),
+            ]);
+        }
+        let crossed = quality.crossings.iter().filter(|n| **n > 0).count();
+        let touching = quality.frames_with(|t| t.body_intersections > 0.0);
+        let line = format!(
+            "{} frames, {:.0} ms each; {touching} with cloth in the body, {crossed} in itself, {again} solved again",
+            quality.told.len(),
+            quality.pace()[0]
+        );
+        self.done(4, "cloth", line)?;
+        let fault = quality.fault(self.options.simulate.dress.allow_crossings || !refined);
+        if let Some(fault) = fault {
+            let hint = "a larger --refine, or --allow-crossings to write the frames all the same";
+            return Err(Failure {
+                hint: hint.into(),
+                ..fault
+            });
+        }
+        let mut made = files::make(set, &clip, (out, simulate))?;
+        let one = |m: &Made| format!("{} {:.1} MB", m.path.display(), m.bytes.len() as f64 / 1e6);
+        let text = made.iter().map(one).collect::<Vec<_>>().join("  ");
+        self.done(5, "write", text)?;
+        let warnings = self.warnings.iter().map(|w| Value::from(w.as_str()));
+        self.report.set("warnings", warnings.collect::<Vec<_>>());
+        self.report.set("seconds", self.times.clone());
+        tell::colophon(&mut self.report);
+        made.push(files::report(out, &self.report));
+        folders.write(&made)?;
+        let table = table(&quality, (raw.rate, raw.inside, again), &made);
+        Ok(Outcome::new(table, &self.report))
+    }
+}
+
+/// Whether the garment that was made is the one that was taught.
+pub(crate) fn fits(model: &Model, set: &Set) -> Result<(), Failure> {
+    let same = model.notes.get("topology") == Some(&topology(&set.cloth.faces));
+    if same && model.n_verts() == set.start.len() {
+        return Ok(());
+    }
+    let what = format!(
+        "the model's cloth has {} vertices and other triangles than the garment that this version cuts ({})",
+        model.n_verts(),
+        set.start.len()
+    );
+    Err(Failure::new(Exit::Invalid, "other-garment", what).hint("train it again with this version"))
+}
+
+fn notes(model: &Model) -> Report {
+    let mut r = Report::default();
+    for (name, value) in &model.notes {
+        r.set(name, value.as_str());
+    }
+    r
+}
+
+fn table(q: &Quality, (rate, inside, again): (f64, f64, usize), made: &[Made]) -> String {
+    let mut table = Table::new(&[]);
+    table.row([
+        "network",
+        &format!("{rate:.0} frames a second, {inside:.3} % of its vertices in the body"),
+    ]);
+    for s in &q.strained {
+        let told = format!(
+            "stretch {:.1} % at most, {:.1} % p99",
+            s.max * 100.0,
+            s.p99 * 100.0
+        );
+        table.row([s.name.as_str(), &told]);
+    }
+    let touching = q.frames_with(|t| t.body_intersections > 0.0);
+    let crossed = q.crossings.iter().filter(|n| **n > 0).count();
+    table.row([
+        "contact",
+        &format!("{touching} frames with cloth in the body, {crossed} with cloth in cloth; {again} solved again"),
+    ]);
+    for (i, file) in made.iter().enumerate() {
+        table.row([
+            if i == 0 { "wrote" } else { "" },
+            &file.path.display().to_string(),
+        ]);
+    }
+    table.text()
+}

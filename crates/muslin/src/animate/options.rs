@@ -1,0 +1,39 @@
+//! What may be asked of `animate`.
+
+use std::path::{Path, PathBuf};
+
+use crate::failure::Failure;
+use crate::options::within;
+use crate::simulate::SimulateOptions;
+
+/// Options of `animate`; the default is what a stranger would want.
+#[derive(Clone, Debug)]
+pub struct AnimateOptions {
+    /// The model, as `train` wrote it.
+    pub model: PathBuf,
+    /// Motion, rate and files; body and garment are the model's.
+    pub simulate: SimulateOptions,
+    /// Solver iterations a frame; with none, frames are written as predicted.
+    pub refine: usize,
+}
+
+impl Default for AnimateOptions {
+    fn default() -> Self {
+        Self {
+            model: PathBuf::from("tee.muslin"),
+            simulate: SimulateOptions {
+                fps: 30.0,
+                ..SimulateOptions::default()
+            },
+            refine: 5,
+        }
+    }
+}
+
+impl AnimateOptions {
+    /// Refuses numbers out of range and files of kinds that are not written.
+    pub fn check(&self, out: &Path) -> Result<(), Failure> {
+        within("--refine", "", Some(self.refine as f64), (0.0, 1000.0))?;
+        self.simulate.check(out)
+    }
+}
