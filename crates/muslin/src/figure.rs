@@ -21,7 +21,7 @@ pub struct Sitter {
 }
 
 /// Room that hands, forearms, shins and feet leave for cloth [m].
-const ROOM: f64 = 0.012;
+pub(crate) const ROOM: f64 = 0.012;
 
 impl Sitter {
     /// Somebody of this shape in this pose.
