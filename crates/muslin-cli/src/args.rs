@@ -92,7 +92,8 @@ pub struct Wearing {
     /// [default: trousers,tee; a tee for `simulate`].
     #[arg(long, visible_alias = "outfit", value_delimiter = ',')]
     pub garment: Vec<String>,
-    /// Fabric of every garment that names none (see `muslin list fabrics`).
+    /// Fabric of every garment that names none (see `muslin list fabrics`), or a file of your own:
+    /// TOML, or U3M's physics.
     #[arg(long)]
     pub fabric: Option<String>,
     /// Standing height [cm]; kept exactly.
@@ -216,6 +217,9 @@ pub struct Train {
     /// Poses mixed of those of the motions (one's arms with another's trunk), besides them.
     #[arg(long, default_value_t = TrainOptions::default().mixed)]
     pub mixed: usize,
+    /// Motions that are not learnt from but judged at the end, named as with --motion.
+    #[arg(long, value_name = "NAME|FILE|DIR")]
+    pub check: Vec<String>,
     /// Step size of the network [default: 0.001].
     #[arg(long)]
     pub rate: Option<f64>,
@@ -313,7 +317,10 @@ pub struct Bench {
     /// Folder with test data (photos/, motion/) for the figures that need it.
     #[arg(long, env = "MUSLIN_DATA")]
     pub data: Option<PathBuf>,
-    /// Bodies, and poses for each, in the drape figures.
+    /// The model in the garments figures, as `muslin train` wrote it.
+    #[arg(long)]
+    pub model: Option<PathBuf>,
+    /// Bodies, and poses for each, in the drape figures; frames in the garments figures.
     #[arg(long, default_value_t = 20)]
     pub cases: usize,
     /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this; may be given again.
@@ -352,6 +359,8 @@ pub enum BenchKind {
     Dress,
     /// Cloth against what physics says of it: falling, hanging, bending, sliding, draping.
     Cloth,
+    /// A trained garment on recordings it never learnt from.
+    Garments,
 }
 
 /// Names of [`Cut`].
@@ -418,6 +427,7 @@ impl Train {
             },
             poses: self.poses,
             mixed: self.mixed,
+            check: self.check.clone(),
             steps: self.steps,
             codes: self.codes,
             seed: self.seed,

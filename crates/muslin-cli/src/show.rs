@@ -167,6 +167,7 @@ fn bench(bench: &Bench) -> Result<(), Failure> {
         BenchKind::Fit => muslin::bench::fit(data),
         BenchKind::Drape => muslin::bench::drape(data, &drapes(bench)),
         BenchKind::Dress => muslin::bench::dress(data),
+        BenchKind::Garments => muslin::bench::garments(data, bench.model.as_deref(), bench.cases),
         BenchKind::Cloth => muslin::bench::cloth(),
     }?;
     print(&report)

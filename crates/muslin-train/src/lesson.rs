@@ -42,6 +42,9 @@ pub struct Plan {
     pub gap: f64,
     /// Largest stiffness of skin [N/m] per vertex.
     pub skin: f64,
+    /// Cost of stretch and contact [J] beyond which a pose counts for less and less: its weight is
+    /// this over its cost, so that a few impossible poses do not drown the others.
+    pub fair: f64,
     /// Where random numbers start.
     pub seed: u64,
 }
@@ -59,6 +62,7 @@ impl Default for Plan {
             damping: 0.3,
             gap: 4e-3,
             skin: 400.0,
+            fair: 0.1,
             seed: 1,
         }
     }

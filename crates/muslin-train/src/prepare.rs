@@ -11,6 +11,11 @@ use crate::lanes::LANES;
 use crate::lesson::{Lesson, Plan};
 use crate::pack::Pack;
 
+/// A bone that turns less than this in all poses is taken as still [rad].
+const TURNS: f64 = 0.01;
+/// Inputs are divided by their deviation, or by this where it is less.
+const LEAST: f64 = 0.15;
+
 /// The bones that the cloth follows, in the rig's numbering, and how.
 pub(crate) fn follow(lesson: &Lesson<'_>) -> Result<(Vec<usize>, Skin), TrainError> {
     let mut rig: Vec<usize> = lesson
@@ -41,16 +46,20 @@ pub(crate) fn follow(lesson: &Lesson<'_>) -> Result<(Vec<usize>, Skin), TrainErr
     Ok((rig, skin))
 }
 
-/// The root, then the bones that move a noticeable share of the cloth.
-pub(crate) fn drivers(lesson: &Lesson<'_>) -> Vec<usize> {
+/// The root, then the bones that move a noticeable share of the cloth and turn in some of the poses.
+///
+/// A bone that never turns says nothing that its parent does not.
+pub(crate) fn drivers(lesson: &Lesson<'_>, pool: &[Pose]) -> Vec<usize> {
     let mut share = vec![0.0; lesson.avatar.rig().n_bones()];
     let n = lesson.template.len() as f64;
-    lesson
-        .weights
-        .rows()
-        .flatten()
-        .for_each(|&(b, w)| share[b as usize] += w / n);
-    let moving = (1..share.len()).filter(|b| share[*b] > 2e-3);
+    let all = lesson.weights.rows().flatten();
+    all.for_each(|&(b, w)| share[b as usize] += w / n);
+    let turns = |b: usize| {
+        let first = pool[0].rotations[b];
+        pool.iter()
+            .any(|p| p.rotations[b].angle_between(first) > TURNS)
+    };
+    let moving = (1..share.len()).filter(|b| share[*b] > 2e-3 && turns(*b));
     std::iter::once(0).chain(moving).collect()
 }
 
@@ -81,7 +90,7 @@ pub(crate) fn packs(
 
 /// Brings all inputs to mean 0 and deviation 1; tells mean and 1/deviation of each.
 ///
-/// An input that never changes has no deviation: it becomes zero.
+/// Inputs that hardly change are not blown up: a pose that was never seen may well change them.
 pub(crate) fn standardise(packs: &mut [Pack]) -> Vec<[f32; 2]> {
     let count = (packs.len() * LANES) as f64;
     let n = packs[0].inputs.len();
@@ -93,11 +102,7 @@ pub(crate) fn standardise(packs: &mut [Pack]) -> Vec<[f32; 2]> {
             };
             let mean = sum(&|x| x);
             let deviation = sum(&|x| (x - mean) * (x - mean)).sqrt();
-            let inverse = if deviation > 1e-3 {
-                1.0 / deviation
-            } else {
-                0.0
-            };
+            let inverse = 1.0 / deviation.max(LEAST);
             [mean as f32, inverse as f32]
         })
         .collect();

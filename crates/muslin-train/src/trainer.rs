@@ -131,7 +131,7 @@ impl<'a> Trainer<'a> {
         let (rig, skin) = follow(&lesson)?;
         let name = |b: &usize| lesson.avatar.rig().bones[*b].name.clone();
         let bones: Vec<String> = rig.iter().map(name).collect();
-        let drivers: Vec<String> = drivers(&lesson).iter().map(name).collect();
+        let drivers: Vec<String> = drivers(&lesson, &pool).iter().map(name).collect();
         let reader = Reader::new(lesson.avatar, &drivers)?;
         let body = Skinned::new((lesson.avatar, lesson.figure), lesson.template);
         let mut noise = Noise::new(plan.seed);

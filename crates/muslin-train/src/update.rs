@@ -4,16 +4,19 @@ use muslin_net::learn::{Adam, View, multiply};
 
 use crate::elastic::Elastic;
 use crate::factor::Factor;
+use crate::lanes::{LANES, Row};
 use crate::lesson::Plan;
 use crate::trainer::Trainer;
 use crate::work::Work;
 
-/// No learnt shape changes farther than this in a step [m].
+/// No vertex of a pose that is learnt from moves farther than this in a step of the shapes [m].
 const FARTHEST: f32 = 0.01;
 /// Memory of the codes' moments and of the walls' stiffness.
 const MEMORY: f64 = 0.95;
+/// How many times its mean the stiffness of a wall is taken to be.
+const PRESSED: f32 = 3.0;
 /// Share of the codes' mean square that is added to all of them.
-const FLOOR: f64 = 1e-2;
+const FLOOR: f64 = 3e-2;
 /// Share of the skin's stiffness at the first step, and of the steps after which it has all.
 const SOFT_START: f32 = 0.2;
 const HARDENED: f32 = 0.4;
@@ -68,11 +71,8 @@ impl Trainer<'_> {
             View::new(&inverse, k, k),
         );
         let rate = self.plan.shape_rate * self.fading();
-        let largest = moves
-            .chunks_exact(k)
-            .map(|row| row.iter().map(|x| x * x).sum::<f32>());
-        let largest = rate * largest.fold(0.0, f32::max).sqrt();
-        let rate = rate * (FARTHEST / largest.max(1e-12)).min(1.0);
+        let farthest = rate * farthest(&moves, works, k);
+        let rate = rate * (FARTHEST / farthest.max(1e-12)).min(1.0);
         self.now
             .modes
             .iter_mut()
@@ -106,9 +106,30 @@ impl Trainer<'_> {
     }
 }
 
+/// How far the step takes the vertex that it takes farthest, in all poses of a batch [m].
+fn farthest(moves: &[f32], works: &[Work], k: usize) -> f32 {
+    let moves = View::new(moves, moves.len() / k, k);
+    let one = |w: &Work| {
+        let mut x = vec![[0.0f32; LANES]; moves.rows()];
+        multiply(
+            x.as_flattened_mut(),
+            0.0,
+            moves,
+            View::new(&w.codes, k, LANES),
+        );
+        let square =
+            |v: &[Row; 3], lane: usize| v.iter().map(|row| row[lane] * row[lane]).sum::<f32>();
+        let vertex = |v: &[Row; 3]| (0..LANES).map(|lane| square(v, lane)).fold(0.0, f32::max);
+        x.as_chunks::<3>().0.iter().map(vertex).fold(0.0, f32::max)
+    };
+    works.iter().map(one).fold(0.0, f32::max).sqrt()
+}
+
 /// Factors the stiffness with walls.
 pub(crate) fn factored(elastic: &Elastic, walls: &[[f32; 6]], plan: &Plan) -> Factor {
-    let factor = elastic.factor(walls, plan.damping);
+    // A vertex is pressed on in some poses only, and then harder than on the mean.
+    let pressed: Vec<[f32; 6]> = walls.iter().map(|w| w.map(|k| PRESSED * k)).collect();
+    let factor = elastic.factor(&pressed, plan.damping);
     factor.expect("springs and a positive damping are positive definite")
 }
 

@@ -19,17 +19,24 @@ const PIN: f32 = 100.0;
 const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
 
 /// What one pack gives.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct Work {
     pub d_modes: Vec<f32>,
     pub d_params: Vec<f32>,
     pub moments: Vec<f32>,
+    /// The codes, one row each.
+    pub codes: Vec<f32>,
     pub walls: Vec<[f32; 6]>,
     pub energies: Energies,
     pub under: f64,
+    /// How much each pose counts.
+    pub counts: Row,
     /// The first vertex whose gradient is not finite.
     pub broken: Option<usize>,
 }
+
+/// The walls of a pose: of the body at every vertex, and of the cloth itself at some.
+type Met = (Vec<Plane>, Vec<(u32, Plane)>);
 
 impl Trainer<'_> {
     /// Predicts, asks the laws, and goes back as far as the parameters.
@@ -43,6 +50,7 @@ impl Trainer<'_> {
         codes.extend([1.0; LANES]);
         let (n, k) = (self.cut.n_verts(), self.plan.codes);
         let modes = View::new(&self.now.modes, 3 * n, k);
+        let plain = codes.clone();
         let codes = View::new(&codes, k, LANES);
         let mut x = vec![[0.0; LANES]; 3 * n];
         multiply(x.as_flattened_mut(), 0.0, modes, codes);
@@ -64,7 +72,9 @@ impl Trainer<'_> {
             return work;
         }
         let share = 1.0 / LANES as f32;
-        g.as_flattened_mut().iter_mut().for_each(|g| *g *= share);
+        let shares: Row = work.counts.map(|c| c * share);
+        let weigh = |row: &mut [f32]| row.iter_mut().zip(&shares).for_each(|(x, s)| *x *= s);
+        g.iter_mut().for_each(|row| weigh(row));
         let g = View::new(g.as_flattened(), 3 * n, LANES);
         work.d_modes = vec![0.0; 3 * n * k];
         multiply(&mut work.d_modes, 0.0, g, codes.transposed());
@@ -75,8 +85,11 @@ impl Trainer<'_> {
         self.encoder
             .backward(&self.now.params, &tape, &d_codes, &mut work.d_params);
         work.moments = vec![0.0; k * k];
-        multiply(&mut work.moments, 0.0, codes, codes.transposed());
-        work.moments.iter_mut().for_each(|m| *m *= share);
+        let mut weighed = plain.clone();
+        work.codes = plain;
+        weighed.chunks_exact_mut(LANES).for_each(weigh);
+        let weighed = View::new(&weighed, k, LANES);
+        multiply(&mut work.moments, 0.0, weighed, codes.transposed());
         work
     }
 
@@ -106,8 +119,7 @@ impl Trainer<'_> {
             body::walls(&mut self.body.surface(), &skins[lane], &x, &mut planes);
             (planes, self.folds.find(&x, self.plan.gap))
         };
-        let all: Vec<(Vec<Plane>, Vec<(u32, Plane)>)> =
-            (0..LANES).into_par_iter().map(each).collect();
+        let all: Vec<Met> = (0..LANES).into_par_iter().map(each).collect();
         pack.walls = (0..n)
             .map(|v| [0, 1, 2, 3].map(|c| std::array::from_fn(|lane| all[lane].0[v][c])))
             .collect();
@@ -141,7 +153,7 @@ impl Trainer<'_> {
             let (bend, mut force) = laws::bending(&self.cut, x, v);
             // The pull is the gradient of the bending energy with the sign of Q's rows.
             sums[1] += bend;
-            force = force + Vec3::of(g, v as u32);
+            force += Vec3::of(g, v as u32);
             let weight = self.cut.mass[v] * laws::G;
             force.0[1] += Lane::all(weight);
             sums[2] += here.0[1] * weight;
@@ -155,7 +167,8 @@ impl Trainer<'_> {
                 *force += normal.times(slope);
                 let m = skin::bring_back(&a, normal);
                 for (sum, (i, j)) in stiff.iter_mut().zip(PAIRS) {
-                    *sum += (m.0[i] * m.0[j] * curvature).sum() as f32 / LANES as f32;
+                    let k = m.0[i] * m.0[j] * curvature;
+                    *sum += k.0.iter().sum::<f32>() / LANES as f32;
                 }
                 gap
             };
@@ -182,6 +195,10 @@ impl Trainer<'_> {
             contact: mean(sums[3]),
             pins: mean(sums[4]),
         };
+        let hard = sums[0] + sums[3];
+        work.counts = hard
+            .0
+            .map(|e| (self.plan.fair as f32 / e.max(1e-9)).min(1.0));
         work.under = mean(under) / n as f64;
         let sound = |row: &Row| row.iter().all(|x| x.is_finite());
         work.broken = g.iter().position(|row| !sound(row)).map(|at| at / 3);
@@ -206,6 +223,7 @@ mod tests {
     #[test]
     fn the_gradients_are_those_of_the_cost_in_shapes_and_in_the_network() {
         let mut trainer = CLASS.trainer();
+        trainer.plan.fair = f64::INFINITY;
         for _ in 0..4 {
             trainer.step().expect("finite");
         }

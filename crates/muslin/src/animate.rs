@@ -28,6 +28,7 @@ use crate::watch::Watch;
 use muslin_garment::Cut;
 
 use frames::{Played, play};
+pub(crate) use frames::{predict, refined};
 pub use options::AnimateOptions;
 
 /// How many stages an animation has.

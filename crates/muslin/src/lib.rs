@@ -11,6 +11,7 @@ mod brought;
 mod drape;
 mod dress;
 mod evaluate;
+mod fabric;
 mod failure;
 mod figure;
 mod files;

@@ -8,6 +8,7 @@ use muslin_geom::Part;
 use rayon::prelude::*;
 
 use crate::brought;
+use crate::fabric;
 use crate::failure::{Exit, Failure};
 use crate::options::{DressOptions, Wear};
 
@@ -158,14 +159,12 @@ fn piece(
     wear: &Wear,
     options: &DressOptions,
 ) -> Result<(Vec<Piece>, Vec<String>), Failure> {
-    let fabric = |usual: &str| {
-        let named = Fabric::named(wear.fabric.as_deref().unwrap_or(usual));
-        named.map_err(|e| Failure::new(Exit::Usage, "unknown-fabric", e.to_string()).at("--fabric"))
-    };
+    let fabric = |usual: &str| fabric::find(wear.fabric.as_deref().unwrap_or(usual));
     if brought::is_file(&wear.garment) {
-        let fabric = fabric(brought::FABRIC)?;
+        let (fabric, said) = fabric(brought::FABRIC)?;
         let file = brought::load(avatar, &wear.garment, options.edge)?;
         let mut made = (Vec::new(), file.warnings);
+        made.1.extend(said);
         for garment in file.garments {
             let piece = Piece {
                 garment,
@@ -179,7 +178,7 @@ fn piece(
         return Ok(made);
     }
     let entry = entry(&wear.garment)?;
-    let fabric = fabric(entry.fabric)?;
+    let (fabric, said) = fabric(entry.fabric)?;
     let mut garment = Garment::make(avatar, &(entry.recipe)(options))
         .map_err(|e| Failure::new(Exit::Invalid, "garment", e.to_string()).at(entry.name))?;
     entry.name.clone_into(&mut garment.name);
@@ -188,7 +187,7 @@ fn piece(
         fabric,
         sha256: None,
     };
-    Ok((vec![piece], Vec::new()))
+    Ok((vec![piece], said))
 }
 
 fn entry(name: &str) -> Result<&'static Entry, Failure> {

@@ -154,6 +154,7 @@ impl School<'_, '_> {
             resume(&mut trainer, &part, &mut log, self.watch)?;
         }
         let last = self.steps(&mut trainer, &part, &mut log)?;
+        self.check((avatar, figure), &trainer)?;
         let e = last.energies;
         let line = format!(
             "{} steps, {:.4} J a pose, stretch {:.4} J",
@@ -184,6 +185,33 @@ impl School<'_, '_> {
         }
         Journal::remove(&part).map_err(|e| file_failure(&e))?;
         Ok(Outcome::new(table(&last, &files), &self.report))
+    }
+
+    /// What motions cost that were not learnt from.
+    fn check(
+        &mut self,
+        (avatar, figure): (&Avatar, &Figure),
+        trainer: &Trainer,
+    ) -> Result<(), Failure> {
+        let mut all = Vec::new();
+        for name in expanded(&self.options.check)? {
+            self.watch.progress(&format!("judging {name}"));
+            let (motion, source) = one_motion(avatar, figure, &name)?;
+            let told = trainer.judge(&thinned(sampled(&[motion], RATE), CHECKED));
+            let mut r = energies(&told);
+            r.set("motion", source);
+            all.push(Value::Tree(r));
+            let line = format!(
+                "{name}: {:.4} J a pose, stretch {:.4} J",
+                told.energies.total(),
+                told.energies.membrane
+            );
+            self.watch.progress(&line);
+        }
+        if !all.is_empty() {
+            self.report.set("not_learnt_from", all);
+        }
+        Ok(())
     }
 
     /// All steps that are left; stops where it is asked to, and keeps what is done.
@@ -249,12 +277,21 @@ impl School<'_, '_> {
         r.set("steps", last.step as f64)
             .set("poses_a_step", 16 * plan.packs);
         r.set("codes", plan.codes);
-        for (name, value) in last.energies.terms() {
-            r.set(&format!("{name}_J"), value);
-        }
-        r.set("under_percent", 100.0 * last.under);
+        r.set("last_batch", energies(last));
         self.report.set("learning", r);
     }
+}
+
+/// Poses that a motion is judged by, at most.
+const CHECKED: usize = 32;
+
+fn energies(told: &Told) -> Report {
+    let mut r = Report::default();
+    for (name, value) in told.energies.terms() {
+        r.set(&format!("{name}_J"), value);
+    }
+    r.set("under_percent", 100.0 * told.under);
+    r
 }
 
 /// Poses a second that are taken from a motion.

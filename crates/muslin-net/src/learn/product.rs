@@ -32,6 +32,11 @@ impl<'a> View<'a> {
         }
     }
 
+    /// How many rows it has.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
     /// The same numbers with rows and columns exchanged.
     pub fn transposed(self) -> Self {
         let ([r, c], [rows, cols]) = (self.strides, [self.rows, self.cols]);

@@ -6,6 +6,7 @@
 mod clock;
 mod cloth;
 mod crowd;
+mod garments;
 mod rooms;
 mod whole;
 
@@ -14,6 +15,7 @@ use std::path::Path;
 use crate::failure::{Exit, Failure};
 
 pub use cloth::cloth;
+pub use garments::garments;
 pub use rooms::{body, fit, pose};
 pub use whole::{Drapes, drape, dress};
 

@@ -19,6 +19,8 @@ pub struct TrainOptions {
     pub poses: usize,
     /// Poses mixed of those of the motions, besides them.
     pub mixed: usize,
+    /// Motions that are not learnt from but judged at the end.
+    pub check: Vec<String>,
     /// Steps of learning.
     pub steps: u64,
     /// Learnt shapes.
@@ -43,6 +45,7 @@ impl Default for TrainOptions {
             motion: motions::NAMES.map(str::to_owned).to_vec(),
             poses: 900,
             mixed: 300,
+            check: Vec::new(),
             steps: plan.steps,
             codes: plan.codes,
             seed: plan.seed,

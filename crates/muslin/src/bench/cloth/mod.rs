@@ -17,6 +17,10 @@ use scenes::{Cut, Piece, at_rest, film, plain};
 
 const DOWN: DVec3 = DVec3::new(0.0, -G, 0.0);
 const G: f64 = 9.81;
+/// Speed below which cloth counts as resting [m/s], and draped cloth, which creeps along its
+/// valleys for long.
+const STILL: f64 = 1e-5;
+const DRAPED: f64 = 1e-3;
 
 /// One figure beside its target.
 #[derive(Clone, Debug)]
@@ -119,7 +123,7 @@ fn hanging() -> Vec<Verdict> {
         let piece = scenes::strip(DVec2::new(0.05, length), 0.01, cut);
         let cloth = piece.cloth(plain([density, stretch, 1e-6]), |i| piece.row[i] == 0);
         let start = placed(&piece, |p| DVec3::new(p.x, -p.y, 0.0));
-        let x = at_rest(&cloth, &start, &scenes::far_away(), DOWN);
+        let x = at_rest(&cloth, &start, &scenes::far_away(), STILL);
         let rows = piece.last();
         let step = length / rows as f64;
         let top = density * G * length / stretch;
@@ -164,7 +168,7 @@ fn cantilever(bend: f64, cut: Cut, edge: f64) -> Verdict {
     let piece = scenes::strip(DVec2::new(0.025, length * (free + 1.5) / free), edge, cut);
     let cloth = piece.cloth(plain([density, 1000.0, bend]), |i| piece.row[i] <= 2);
     let start = placed(&piece, |p| DVec3::new(p.x, 0.0, -p.y));
-    let x = at_rest(&cloth, &start, &scenes::far_away(), DOWN);
+    let x = at_rest(&cloth, &start, &scenes::far_away(), STILL);
     let clamp = 0.5 * (piece.middle(1, &x) + piece.middle(2, &x));
     let reach = piece.middle(piece.last(), &x) - clamp;
     let got = (-reach.y).atan2(-reach.z);
@@ -213,7 +217,7 @@ fn slid(mu: f64, angle: f64) -> (f64, f64) {
     let cloth = piece.cloth(of, |_| false);
     let slab = scenes::block(DVec3::new(-1.0, -0.1, -1.0), DVec3::new(2.0, 0.0, 1.0));
     let verts = placed(&piece, |p| DVec3::new(p.x, 2e-3, -p.y));
-    let verts = at_rest(&cloth, &verts, &slab, DOWN);
+    let verts = at_rest(&cloth, &verts, &slab, STILL);
     let tilted = DVec3::new(angle.sin(), -angle.cos(), 0.0) * G;
     let from = State {
         frame: 1,
@@ -304,7 +308,7 @@ fn drape_coefficient(fabric: &Fabric, edge: f64) -> f64 {
     // A breath of unevenness, so that folds have somewhere to begin.
     let lift = |p: DVec2| 3e-3 + 1e-4 * (40.0 * p.x + 17.0 * p.y).sin();
     let start = placed(&piece, |p| DVec3::new(p.x, lift(p), -p.y));
-    let x = at_rest(&cloth, &start, &drum, DOWN);
+    let x = at_rest(&cloth, &start, &drum, DRAPED);
     if x.is_empty() {
         return f64::NAN;
     }

@@ -243,13 +243,12 @@ pub fn drum(radius: f64, top: f64) -> Still {
     Still { verts, faces }
 }
 
-/// The cloth at rest, from `start`; solved far more finely than a garment needs.
-pub fn at_rest(cloth: &Cloth, start: &[DVec3], on: &Still, gravity: DVec3) -> Vec<DVec3> {
+/// The cloth at rest under its weight, from `start`; no vertex then moves faster than `still` [m/s].
+pub fn at_rest(cloth: &Cloth, start: &[DVec3], on: &Still, still: f64) -> Vec<DVec3> {
     let options = Options {
-        gravity,
         first_steps: 0,
         last_steps: 4000,
-        still: 1e-5,
+        still,
         ..Options::default()
     };
     let path = [on.verts.clone()];

@@ -1,0 +1,51 @@
+//! Fabrics by name or from a file that the user brings.
+
+use std::path::Path;
+
+use muslin_garment::Fabric;
+use muslin_io::read_fabric;
+
+use crate::dress::file_failure;
+use crate::failure::{Exit, Failure};
+
+/// Whether an asked fabric is a file rather than the name of a preset.
+fn is_file(asked: &str) -> bool {
+    let kind = Path::new(asked).extension().and_then(|e| e.to_str());
+    let kind = kind.map(str::to_lowercase);
+    let known = kind.is_some_and(|k| ["toml", "json", "u3m"].contains(&k.as_str()));
+    known || asked.contains(['/', '\\'])
+}
+
+/// The preset of a name or the fabric of a file (TOML, or U3M's physics), and what there is to say
+/// about it.
+pub(crate) fn find(asked: &str) -> Result<(Fabric, Vec<String>), Failure> {
+    if is_file(asked) {
+        let file = read_fabric(Path::new(asked)).map_err(|e| file_failure(&e))?;
+        return Ok((file.fabric, file.warnings));
+    }
+    let unknown = |e: muslin_garment::FabricError| {
+        Failure::new(Exit::Usage, "unknown-fabric", e.to_string())
+            .at("--fabric")
+            .hint("muslin list fabrics shows all; a file of your own may be named instead")
+    };
+    Ok((Fabric::named(asked).map_err(unknown)?, Vec::new()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_is_a_preset_and_a_file_is_read() {
+        assert_eq!(find("denim").expect("a preset").0.name, "denim");
+        let folder = std::env::temp_dir().join(format!("muslin-fabric-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a temporary folder");
+        let path = folder.join("own.toml");
+        std::fs::write(&path, "like = \"denim\"\nmass_g_m2 = 350\n").expect("a small file");
+        let own = find(&path.to_string_lossy()).expect("a fabric file").0;
+        assert_eq!((own.name.as_str(), own.density), ("own", 0.35));
+        std::fs::remove_dir_all(&folder).expect("our own folder");
+        let gone = find(&path.to_string_lossy()).expect_err("it is gone");
+        assert_eq!(gone.exit, Exit::Files);
+    }
+}
