@@ -1,8 +1,8 @@
-//! Room for cloth: hands that rest on the body, or sink into it, are held a little off.
+//! Room for cloth: limbs that rest on the body, or sink into it, are held a little off.
 //!
 //! A recording fits the body it was made of, and a fit sees no depth: on somebody else's hips the
-//! same arms end inside. No cloth can lie there, so upper arms turn outward, by as little as is
-//! needed.
+//! same arms end inside, on somebody else's belly the same knee. No cloth can lie there, so thighs
+//! and upper arms turn outward, by as little as is needed.
 
 use glam::{DQuat, DVec3};
 use muslin_geom::Surface;
@@ -11,98 +11,161 @@ use crate::{Avatar, BodyError, Figure, Part, Pose};
 
 /// Rounds of looking and turning.
 const ROUNDS: usize = 10;
-/// Most that an arm turns in a round, and in all [rad].
+/// Most that a limb turns in a round, and in all [rad].
 const TURN: f64 = 0.12;
 const MOST: f64 = 0.6;
-/// How far the trunk is looked for [m].
+/// How far the rest of the body is looked for [m].
 const FAR: f64 = 0.15;
 /// One vertex in so many is looked at.
 const STRIDE: usize = 3;
+/// Thighs may press this deep into flesh [m].
+const FLESH: f64 = 0.02;
+/// Skin of a thigh this close to the rest of the body in the rest pose belongs to the groin [m].
+const GROIN: f64 = 0.08;
 
 impl Pose {
-    /// Turns the upper arms until forearms and hands keep `room` [m] from trunk and legs; says by
-    /// how much at most [rad].
+    /// Turns thighs, then upper arms, until shins and feet, forearms and hands keep `room` [m] from
+    /// the rest of the body and thighs press no deeper into it than 2 cm; says by how much at most
+    /// [rad].
     ///
-    /// Arms that would have to turn by more than 0.6 rad stay where they got to. Fails on an
-    /// avatar without the default rig's arms.
+    /// Limbs that would have to turn by more than 0.6 rad stay where they got to. Fails on an
+    /// avatar without the default rig's limbs.
     pub fn make_room(
         &mut self,
         avatar: &Avatar,
         figure: &Figure,
         room: f64,
     ) -> Result<f64, BodyError> {
-        let trunk = trunk_faces(avatar)?;
         let mut most = 0.0f64;
         for side in ["L", "R"] {
-            let upper = avatar.bone(&format!("upperarm01.{side}"))?;
-            let arm = below(avatar, avatar.bone(&format!("lowerarm01.{side}"))?);
-            let mut turned = 0.0;
-            for _ in 0..ROUNDS {
-                let posed = avatar.pose(figure, self);
-                let skin = &posed.verts[avatar.part(Part::Body)];
-                let surface = Surface::new(skin, &trunk);
-                let pivot = posed.bones[upper].transform_point3(figure.joints[upper]);
-                let Some((turn, angle)) = turn_out(&surface, skin, &arm, (pivot, room)) else {
-                    break;
-                };
-                if turned + angle > MOST {
-                    break;
-                }
-                turned += angle;
-                let parent = avatar.rig().bones[upper].parent;
-                let frame = parent.map_or(DQuat::IDENTITY, |p| {
-                    DQuat::from_mat3(&posed.bones[p].matrix3).normalize()
-                });
-                let own = self.rotations[upper];
-                self.rotations[upper] = (frame.inverse() * turn * frame * own).normalize();
-            }
-            most = most.max(turned);
+            let leg = Limb::leg(avatar, figure, (side, room))?;
+            most = most.max(leg.make_room(self, avatar, figure));
+        }
+        for side in ["L", "R"] {
+            let arm = Limb::arm(avatar, (side, room))?;
+            most = most.max(arm.make_room(self, avatar, figure));
         }
         Ok(most)
     }
 }
 
-/// The turn about `pivot` that frees what is deepest, and its angle [rad]; none if all is free.
-fn turn_out(
-    trunk: &Surface,
-    skin: &[DVec3],
-    arm: &[u32],
-    (pivot, room): (DVec3, f64),
-) -> Option<(DQuat, f64)> {
-    let near = |&i: &u32| {
-        let p = skin[i as usize];
-        let hit = trunk.closest(p, FAR)?;
-        (hit.signed < room).then_some((p, hit))
-    };
-    let hits = arm.iter().step_by(STRIDE).filter_map(near);
-    let (p, hit) = hits.min_by(|a, b| a.1.signed.total_cmp(&b.1.signed))?;
-    let lever = p - pivot;
-    let axis = lever.cross(hit.normal);
-    // A push along the arm cannot be answered by a turn of it.
-    let reach = axis.length().max(0.3 * lever.length());
-    let angle = ((room - hit.signed + 1e-3) / reach).min(TURN);
-    Some((DQuat::from_axis_angle(axis.try_normalize()?, angle), angle))
+/// What turns about a joint, and what it must not sink into.
+struct Limb {
+    /// The bone that turns.
+    pivot: usize,
+    /// Skin vertices, each with the room it must keep [m].
+    skin: Vec<(u32, f64)>,
+    /// Triangles of the rest of the body, and whether they end where it was cut: there, inside
+    /// and outside cannot be told.
+    others: Vec<[u32; 3]>,
+    at_cut: Vec<bool>,
 }
 
-/// Vertices of the skin that follow `bone` and what hangs on it.
-fn below(avatar: &Avatar, bone: usize) -> Vec<u32> {
-    let follows = share_of(avatar, bone);
-    let skin = avatar.part(Part::Body);
-    skin.filter(|&i| follows[i] > 0.5)
-        .map(|i| i as u32)
-        .collect()
+impl Limb {
+    /// Forearm and hand, to be kept from trunk, head and legs.
+    fn arm(avatar: &Avatar, (side, room): (&str, f64)) -> Result<Limb, BodyError> {
+        let left = share_of(avatar, avatar.bone("upperarm01.L")?);
+        let right = share_of(avatar, avatar.bone("upperarm01.R")?);
+        let lower = share_of(avatar, avatar.bone(&format!("lowerarm01.{side}"))?);
+        let skin = avatar.part(Part::Body).filter(|&i| lower[i] > 0.5);
+        let (others, at_cut) = faces_without(avatar, |v| left[v] + right[v]);
+        Ok(Limb {
+            pivot: avatar.bone(&format!("upperarm01.{side}"))?,
+            skin: skin.map(|i| (i as u32, room)).collect(),
+            others,
+            at_cut,
+        })
+    }
+
+    /// A leg, to be kept from trunk, head and the other leg.
+    fn leg(avatar: &Avatar, figure: &Figure, (side, room): (&str, f64)) -> Result<Limb, BodyError> {
+        let pivot = avatar.bone(&format!("upperleg01.{side}"))?;
+        let arms =
+            ["upperarm01.L", "upperarm01.R"].map(|b| avatar.bone(b).map(|b| share_of(avatar, b)));
+        let [left, right] = arms;
+        let (left, right) = (left?, right?);
+        let whole = share_of(avatar, pivot);
+        let lower = share_of(avatar, avatar.bone(&format!("lowerleg01.{side}"))?);
+        let (others, at_cut) = faces_without(avatar, |v| whole[v] + left[v] + right[v]);
+        let rest = &figure.verts[avatar.part(Part::Body)];
+        let around = Surface::new(rest, &others);
+        let part = |i: usize| {
+            if lower[i] > 0.5 {
+                return Some((i as u32, room));
+            }
+            let groin = || around.closest(rest[i], GROIN).is_some();
+            (whole[i] > 0.9 && !groin()).then_some((i as u32, -FLESH))
+        };
+        let skin = avatar.part(Part::Body).filter_map(part).collect();
+        Ok(Limb {
+            pivot,
+            skin,
+            others,
+            at_cut,
+        })
+    }
+
+    /// Turns the limb in a pose; says by how much [rad].
+    fn make_room(&self, pose: &mut Pose, avatar: &Avatar, figure: &Figure) -> f64 {
+        let mut turned = 0.0;
+        for _ in 0..ROUNDS {
+            let posed = avatar.pose(figure, pose);
+            let skin = &posed.verts[avatar.part(Part::Body)];
+            let joint = posed.bones[self.pivot].transform_point3(figure.joints[self.pivot]);
+            let Some((turn, angle)) = self.turn_out(skin, joint) else {
+                break;
+            };
+            if turned + angle > MOST {
+                break;
+            }
+            turned += angle;
+            let parent = avatar.rig().bones[self.pivot].parent;
+            let frame = parent.map_or(DQuat::IDENTITY, |p| {
+                DQuat::from_mat3(&posed.bones[p].matrix3).normalize()
+            });
+            let own = pose.rotations[self.pivot];
+            pose.rotations[self.pivot] = (frame.inverse() * turn * frame * own).normalize();
+        }
+        turned
+    }
+
+    /// The turn about `joint` that frees what is deepest, and its angle [rad]; none if all is free.
+    fn turn_out(&self, skin: &[DVec3], joint: DVec3) -> Option<(DQuat, f64)> {
+        let (lack, p, normal) = self.worst(skin, STRIDE)?;
+        let lever = p - joint;
+        let axis = lever.cross(normal);
+        // A push along the limb cannot be answered by a turn of it.
+        let reach = axis.length().max(0.3 * lever.length());
+        let angle = ((lack + 1e-3) / reach).min(TURN);
+        Some((DQuat::from_axis_angle(axis.try_normalize()?, angle), angle))
+    }
+
+    /// What the skin vertex with the least room lacks of it [m], where it is [m], and the way out;
+    /// none if all have room. Looks at every `stride`th vertex.
+    fn worst(&self, skin: &[DVec3], stride: usize) -> Option<(f64, DVec3, DVec3)> {
+        let others = Surface::new(skin, &self.others);
+        let lack = |&(i, room): &(u32, f64)| {
+            let p = skin[i as usize];
+            let hit = others.closest(p, FAR)?;
+            let told = !self.at_cut[hit.face as usize] && hit.signed < room;
+            told.then_some((room - hit.signed, p, hit.normal))
+        };
+        let lacks = self.skin.iter().step_by(stride).filter_map(lack);
+        lacks.max_by(|a, b| a.0.total_cmp(&b.0))
+    }
 }
 
-/// Triangles of trunk, head and legs: those that follow no arm.
-fn trunk_faces(avatar: &Avatar) -> Result<Vec<[u32; 3]>, BodyError> {
-    let left = share_of(avatar, avatar.bone("upperarm01.L")?);
-    let right = share_of(avatar, avatar.bone("upperarm01.R")?);
-    let free = |v: u32| left[v as usize] + right[v as usize] < 0.02;
-    let faces = avatar.collision_faces().iter();
-    Ok(faces
-        .copied()
-        .filter(|f| f.iter().all(|&v| free(v)))
-        .collect())
+/// Triangles none of whose corners follow what `share` counts, and which of them lie at the cut.
+fn faces_without(avatar: &Avatar, share: impl Fn(usize) -> f64) -> (Vec<[u32; 3]>, Vec<bool>) {
+    let free = |f: &[u32; 3]| f.iter().all(|&v| share(v as usize) < 0.02);
+    let (kept, cut): (Vec<_>, Vec<_>) = avatar.collision_faces().iter().partition(|f| free(f));
+    let mut rim = vec![false; avatar.part(Part::Body).len()];
+    cut.iter().flatten().for_each(|&v| rim[v as usize] = true);
+    let at_cut = kept
+        .iter()
+        .map(|f: &[u32; 3]| f.iter().any(|&v| rim[v as usize]));
+    let at_cut = at_cut.collect();
+    (kept, at_cut)
 }
 
 /// For every vertex, the weight of a bone and all that descend from it.
@@ -122,8 +185,15 @@ mod tests {
     use super::*;
     use crate::Shape;
 
+    /// What a limb lacks of its room at most [m].
+    fn lack(limb: &Limb, avatar: &Avatar, figure: &Figure, pose: &Pose) -> f64 {
+        let posed = avatar.pose(figure, pose);
+        let worst = limb.worst(&posed.verts[avatar.part(Part::Body)], 1);
+        worst.map_or(0.0, |w| w.0)
+    }
+
     #[test]
-    fn a_hand_sunk_into_the_hip_comes_out_and_free_arms_stay() {
+    fn a_hand_sunk_into_the_hip_comes_out_and_free_limbs_stay() {
         let avatar = Avatar::embedded().expect("the embedded body is sound");
         let figure = avatar.figure(&Shape::default()).expect("the default shape");
         let mut free = Pose::rest(&avatar);
@@ -132,18 +202,30 @@ mod tests {
         let upper = avatar.bone("upperarm01.L").expect("an arm");
         // The left arm hangs at +X; this brings it down and inward, into the thigh.
         pose.rotations[upper] = DQuat::from_rotation_z(-0.85);
-        let depth = |pose: &Pose| {
-            let posed = avatar.pose(&figure, pose);
-            let skin = &posed.verts[avatar.part(Part::Body)];
-            let trunk = Surface::new(skin, &trunk_faces(&avatar).expect("arms"));
-            let lower = avatar.bone("lowerarm01.L").expect("an arm");
-            let arm = below(&avatar, lower);
-            let signed = |&i: &u32| trunk.closest(skin[i as usize], FAR).map(|h| h.signed);
-            arm.iter().filter_map(signed).fold(FAR, f64::min)
-        };
-        assert!(depth(&pose) < -0.01, "{}", depth(&pose));
-        let turn = pose.make_room(&avatar, &figure, 0.01).expect("an arm");
+        let arm = Limb::arm(&avatar, ("L", 0.01)).expect("an arm");
+        assert!(lack(&arm, &avatar, &figure, &pose) > 0.02);
+        let turn = pose.make_room(&avatar, &figure, 0.01).expect("limbs");
         assert!(turn > 0.02 && turn < MOST, "{turn}");
-        assert!(depth(&pose) > 0.007, "{}", depth(&pose));
+        let left = lack(&arm, &avatar, &figure, &pose);
+        assert!(left < 0.003, "{left}");
+    }
+
+    #[test]
+    fn a_knee_in_the_chest_and_a_foot_in_the_other_leg_come_out() {
+        let avatar = Avatar::embedded().expect("the embedded body is sound");
+        let shape = Shape::default().with("weight", 0.8).expect("a phenotype");
+        let figure = avatar.figure(&shape).expect("a heavy person");
+        let thigh = avatar.bone("upperleg01.L").expect("a leg");
+        let leg = Limb::leg(&avatar, &figure, ("L", 0.01)).expect("a leg");
+        // The knee up to the chest; the leg inward, across the other.
+        for turn in [DQuat::from_rotation_x(-2.5), DQuat::from_rotation_z(-0.35)] {
+            let mut pose = Pose::rest(&avatar);
+            pose.rotations[thigh] = turn;
+            let before = lack(&leg, &avatar, &figure, &pose);
+            assert!(before > 0.01, "{before}");
+            let turned = pose.make_room(&avatar, &figure, 0.01).expect("limbs");
+            let after = lack(&leg, &avatar, &figure, &pose);
+            assert!(after < 0.008 && turned < MOST, "{before} to {after}");
+        }
     }
 }

@@ -62,7 +62,7 @@ impl RestTriangle {
 #[inline]
 pub(crate) fn principal(f: &[DVec3; 2]) -> [f64; 2] {
     let (a, b, d) = (f[0].length_squared(), f[0].dot(f[1]), f[1].length_squared());
-    let larger = (0.5 * (a + d) + (0.5 * (a - d)).hypot(b)).sqrt();
+    let larger = (0.5 * (a + d) + (0.25 * (a - d) * (a - d) + b * b).sqrt()).sqrt();
     if larger == 0.0 {
         return [0.0, 0.0];
     }

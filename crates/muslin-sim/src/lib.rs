@@ -29,6 +29,7 @@ mod ordered;
 mod pairs;
 mod pattern;
 mod quality;
+mod region;
 mod relief;
 mod safe;
 mod simulate;

@@ -66,7 +66,7 @@ impl<'a> Matrix<'a> {
             bending,
             blocks,
             links,
-            of_vertex: Rows::sorted(n, uses),
+            of_vertex: Rows::counted(n, &uses),
         }
     }
 

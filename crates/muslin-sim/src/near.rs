@@ -6,7 +6,7 @@ use muslin_geom::{
     closest::{on_segments, on_triangle},
 };
 
-use crate::{fan, ordered, weave::Weave};
+use crate::{fan, ordered, region::Distances, weave::Weave};
 
 /// Two features that may touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +23,9 @@ pub(crate) struct Neighbours {
     /// Positions the list was made at [m].
     at: Vec<DVec3>,
     /// Distance below which every pair is in the list [m].
-    pub reach: f64,
+    reach: f64,
+    /// How far apart regions of the cloth were.
+    distances: Distances,
 }
 
 impl Neighbours {
@@ -34,15 +36,16 @@ impl Neighbours {
 
     /// Whether the list still holds every pair within `radius` [m] after the cloth moved to `x`.
     ///
-    /// What all of the cloth does together does not count.
-    pub fn covers(&self, x: &[DVec3], radius: f64) -> bool {
-        let room = 0.5 * (self.reach - radius);
-        if self.at.len() != x.len() || room < 0.0 {
-            return false;
-        }
-        let gone = || self.at.iter().zip(x).map(|(a, b)| *b - *a);
-        let mean = gone().sum::<DVec3>() / x.len().max(1) as f64;
-        gone().all(|d| (d - mean).length_squared() <= room * room)
+    /// What neighbours do together does not count.
+    pub fn covers(
+        &self,
+        weave: &Weave,
+        x: impl Fn(usize) -> DVec3 + Sync + Send,
+        radius: f64,
+    ) -> bool {
+        let gone = |v: usize| x(v) - self.at[v];
+        let regions = (&weave.regions, self.reach);
+        self.at.len() == weave.n_verts() && self.distances.hold(regions, gone, radius)
     }
 }
 
@@ -80,9 +83,11 @@ pub(crate) fn on_the_way(
             scene.features((f, g), out);
         }
     });
+    let at = ordered::map(x.len(), |i| x[i] + moves[i]);
     Neighbours {
         list,
-        at: ordered::map(x.len(), |i| x[i] + moves[i]),
+        distances: Distances::between(&weave.regions, &at),
+        at,
         reach,
     }
 }

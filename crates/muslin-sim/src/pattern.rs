@@ -17,7 +17,8 @@ impl Rows {
         Rows::gather(n, &pairs)
     }
 
-    /// Rows from pairs that are in row order already.
+    /// Rows from pairs that are in row order already; from others, rows whose items are still to be
+    /// placed.
     fn gather(n: usize, pairs: &[(u32, u32)]) -> Rows {
         let mut start = vec![0; n + 1];
         for &(row, _) in pairs {
@@ -30,6 +31,18 @@ impl Rows {
             start,
             items: pairs.iter().map(|p| p.1).collect(),
         }
+    }
+
+    /// Rows from `(row, item)` pairs in any order; each row keeps the order they came in.
+    pub fn counted(n: usize, pairs: &[(u32, u32)]) -> Rows {
+        let mut rows = Rows::gather(n, pairs);
+        let mut next = rows.start.clone();
+        for &(row, item) in pairs {
+            let place = &mut next[row as usize];
+            rows.items[*place as usize] = item;
+            *place += 1;
+        }
+        rows
     }
 
     pub fn span(&self, row: usize) -> std::ops::Range<usize> {

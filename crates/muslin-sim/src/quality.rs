@@ -66,7 +66,7 @@ pub fn stretch(faces: &[[u32; 3]], rest: &[[glam::DVec2; 3]], x: &[DVec3]) -> Ve
 
 fn largest(f: &[DVec3; 2]) -> f64 {
     let (a, b, d) = (f[0].length_squared(), f[0].dot(f[1]), f[1].length_squared());
-    (0.5 * (a + d) + (0.5 * (a - d)).hypot(b)).sqrt() - 1.0
+    (0.5 * (a + d) + (0.25 * (a - d) * (a - d) + b * b).sqrt()).sqrt() - 1.0
 }
 
 /// How far the worst face stretches beyond its limit; below zero if none does.

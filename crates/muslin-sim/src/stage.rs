@@ -79,6 +79,8 @@ type Held = DVec3;
 
 /// Slack of the neighbour lists [m].
 const SLACK: f64 = 3.5e-3;
+/// Whoever stays farther apart than this does not meet [m].
+const TOUCHING: f64 = 5e-4;
 /// Skin this close to cloth must not jump [m].
 const NEARBY: f64 = 0.025;
 /// Most that skin may move past nearby cloth in one piece of its way [m].
@@ -420,7 +422,7 @@ impl<'a> Stage<'a> {
 
     /// Makes the neighbour list hold every pair that is, or may come, within `distance` [m].
     fn look_around(&mut self, distance: f64) {
-        if self.near.covers(&self.x, distance) {
+        if self.near.covers(self.weave, |v| self.x[v], distance) {
             return;
         }
         let reach = self.weave.radius + SLACK;
@@ -430,16 +432,28 @@ impl<'a> Stage<'a> {
 
     /// Moves the cloth along `moves` [m], as far as it can go without passing through itself.
     fn go(&mut self, mut moves: Vec<DVec3>) {
-        let mean = moves.iter().sum::<DVec3>() / moves.len().max(1) as f64;
-        let farthest = moves.iter().map(|m| m.distance_squared(mean));
-        let farthest = farthest.fold(0.0, f64::max).sqrt();
-        // Two that part from the mean by this much can close twice as much between them.
-        if self.near.covers(&self.x, 2.0 * farthest) {
-            safe::make_safe(&self.near.list, &self.x, &mut moves);
-        } else {
+        if !self.go_near(&mut moves) {
             self.go_far(&mut moves);
         }
         self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
+    }
+
+    /// Makes a move safe by the list there is; says no, and changes nothing, if that does not hold
+    /// all who may meet on the way.
+    fn go_near(&self, moves: &mut Vec<DVec3>) -> bool {
+        // Between two places that the list covers it covers every place: distances shrink by what
+        // pairs go against each other, and that is linear in time.
+        let x = &self.x;
+        let covered = |moves: &[DVec3]| self.near.covers(self.weave, |v| x[v] + moves[v], TOUCHING);
+        if !self.near.covers(self.weave, |v| x[v], TOUCHING) || !covered(moves) {
+            return false;
+        }
+        let mut safe = moves.clone();
+        if safe::make_safe(&self.near.list, x, &mut safe) && !covered(&safe) {
+            return false;
+        }
+        *moves = safe;
+        true
     }
 
     /// A much changed move may lead to other pairs than those looked at, so it is looked at again;

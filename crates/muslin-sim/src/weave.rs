@@ -7,6 +7,7 @@ use crate::{
     bending::Bending,
     cloth::{Cloth, SimError},
     pattern::Pattern,
+    region::Regions,
 };
 
 /// A face's share of the laws.
@@ -27,6 +28,7 @@ pub(crate) struct Weave {
     pub layers: Vec<u32>,
     pub friction: Vec<f64>,
     pub pattern: Pattern,
+    pub regions: Regions,
     pub bending: Bending,
     /// Edges, smaller vertex first.
     pub edges: Vec<[u32; 2]>,
@@ -56,6 +58,7 @@ impl Weave {
             friction: friction(cloth),
             bending: Bending::new(cloth, &pattern),
             radius: radius(cloth),
+            regions: Regions::new(&pattern.near, &cloth.faces),
             pattern,
             edges,
             owned,

@@ -260,7 +260,8 @@ impl<'a, 'w> Job<'a, 'w> {
         self.report.set("outfit", tell::outfit(&outfit));
         self.done(3, "outfit", tell::pieces(&outfit))?;
         let dressed = drape_outfit(self.avatar, &outfit, &model.sitter, self.watch)?;
-        self.report.set("drape", tell::drape(&outfit, &dressed));
+        self.report
+            .set("drape", tell::drape(&outfit, &dressed, model.sitter.turned));
         self.done(4, "drape", tell::quality(&dressed.quality))?;
         if let Some(fault) = dressed.quality.fault(self.options.allow_crossings) {
             return Err(fault);

@@ -6,6 +6,7 @@ pub(crate) mod motion;
 mod options;
 pub(crate) mod quality;
 pub(crate) mod reel;
+mod room;
 pub(crate) mod set;
 mod several;
 mod shoot;
@@ -106,6 +107,8 @@ impl Run<'_, '_> {
         }
         r.set("start_s", self.options.start).set("seconds", seconds);
         r.set("frames", n).set("frames_per_second", fps);
+        let turned = moving.turned.to_degrees();
+        r.set("limbs_turned_deg", (turned * 100.0).round() / 100.0);
         r.set("frames_of_lead_in", moving.lead);
         self.report.set("motion", r);
         let told = format!(

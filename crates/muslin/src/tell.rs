@@ -157,8 +157,8 @@ fn grouped(n: usize) -> String {
     }
 }
 
-/// The drape's part of the report.
-pub fn drape(outfit: &Outfit, dressed: &Dressed) -> Report {
+/// The drape's part of the report; `turned`: what limbs turned to make room [rad].
+pub fn drape(outfit: &Outfit, dressed: &Dressed, turned: f64) -> Report {
     let s = &dressed.quality.settled;
     let mut r = Report::default();
     r.set("body_intersections", s.body_intersections)
@@ -176,6 +176,7 @@ pub fn drape(outfit: &Outfit, dressed: &Dressed) -> Report {
     r.set("stretch", stretch)
         .set("stretch_max_percent", to(2, s.stretch_max * 100.0));
     r.set("flesh_yielded_mm", to(2, s.yielded * 1e3));
+    r.set("limbs_turned_deg", to(2, turned.to_degrees()));
     r.set("steps", s.steps).set("at_rest", s.converged);
     r.set("speed_p99_mm_s", to(2, s.speed_p99 * 1e3));
     let mut energy = Report::default();

@@ -10,7 +10,7 @@ use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
 
-use super::SimulateOptions;
+use super::{SimulateOptions, room};
 
 /// A motion ready to be danced.
 pub struct Moving {
@@ -22,6 +22,8 @@ pub struct Moving {
     pub motion: Motion,
     /// Poses of the lead-in.
     pub lead: usize,
+    /// By how much limbs were turned to make room for cloth at most [rad].
+    pub turned: f64,
     /// What the user should know of the file.
     pub warnings: Vec<String>,
 }
@@ -53,7 +55,8 @@ pub fn load(
         false => return Err(unknown(&options.motion)),
     };
     let named = |f: Failure| f.at(found.name.clone());
-    let cut = cut(&found.motion, options).map_err(named)?;
+    let mut cut = cut(&found.motion, options).map_err(named)?;
+    found.turned = room::make_room(avatar, figure, &mut cut).map_err(|e| body_failure(&e))?;
     let rest = Pose::rest(avatar);
     found.lead = cut.steps_from(&rest, LEAD_IN).max(SHORTEST);
     found.motion = cut.with_lead_in(&rest, found.lead);
@@ -75,6 +78,7 @@ fn built_in(
         sha256: None,
         motion: motion.map_err(|e| body_failure(&e))?,
         lead: 0,
+        turned: 0.0,
         warnings: Vec::new(),
     })
 }
@@ -113,6 +117,7 @@ fn file(avatar: &Avatar, figure: &Figure, path: &Path) -> Result<Moving, Failure
         name: input.file,
         motion,
         lead: 0,
+        turned: 0.0,
         warnings,
     })
 }

@@ -1,0 +1,133 @@
+//! Room for cloth all along a motion: limbs that graze the body are led a little off, and back.
+
+use glam::{DQuat, DVec3};
+use muslin_body::{Avatar, BodyError, Figure, Motion, Pose};
+use rayon::prelude::*;
+
+use crate::figure::ROOM;
+
+/// Looks a second.
+const LOOKS: f64 = 10.0;
+/// Joints that [`Pose::make_room`] turns.
+const TURNING: [&str; 4] = [
+    "upperleg01.L",
+    "upperleg01.R",
+    "upperarm01.L",
+    "upperarm01.R",
+];
+
+/// What each of the joints turns by, as axis times angle [rad].
+type Turns = [DVec3; TURNING.len()];
+
+/// Turns thighs and upper arms where a motion leads feet, shins, hands or forearms into the body;
+/// says by how much at most [rad].
+///
+/// The body is looked at ten times a second. A turn is there from one look before it is needed to
+/// one look after, and grows and fades over a look more, so that no limb jumps.
+pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Result<f64, BodyError> {
+    let bones = TURNING.map(|name| avatar.bone(name));
+    let bones: Vec<usize> = bones.into_iter().collect::<Result<_, _>>()?;
+    let stride = (motion.fps / LOOKS).round().max(1.0) as usize;
+    let last = motion.poses.len().saturating_sub(1);
+    let looks: Vec<usize> = (0..=last.div_ceil(stride))
+        .map(|k| (k * stride).min(last))
+        .collect();
+    let look = |&k: &usize| turns(avatar, figure, (&motion.poses[k], &bones));
+    let needed: Vec<Turns> = looks.par_iter().map(look).collect::<Result<_, _>>()?;
+    let led = faded(&held(&needed));
+    let largest = led.iter().flatten().map(|t| t.length());
+    let largest = largest.fold(0.0, f64::max);
+    if largest > 0.0 {
+        for (k, pose) in motion.poses.iter_mut().enumerate() {
+            let (at, t) = (k / stride, (k % stride) as f64 / stride as f64);
+            let next = (at + 1).min(led.len() - 1);
+            for (j, &b) in bones.iter().enumerate() {
+                let turn = led[at][j].lerp(led[next][j], t);
+                if turn == DVec3::ZERO {
+                    continue;
+                }
+                pose.rotations[b] = (DQuat::from_scaled_axis(turn) * pose.rotations[b]).normalize();
+            }
+        }
+    }
+    Ok(largest)
+}
+
+/// What one pose needs.
+fn turns(
+    avatar: &Avatar,
+    figure: &Figure,
+    (pose, bones): (&Pose, &[usize]),
+) -> Result<Turns, BodyError> {
+    let mut freed = pose.clone();
+    freed.make_room(avatar, figure, ROOM)?;
+    Ok(std::array::from_fn(|j| {
+        let (from, to) = (pose.rotations[bones[j]], freed.rotations[bones[j]]);
+        let turn = to * from.inverse();
+        let shorter = if turn.w < 0.0 { -turn } else { turn };
+        shorter.to_scaled_axis()
+    }))
+}
+
+/// Every turn of the looks before and after as well, the largest where they meet.
+fn held(looks: &[Turns]) -> Vec<Turns> {
+    around(looks, |before, now, after| {
+        let larger = |a: DVec3, b: DVec3| if b.length() > a.length() { b } else { a };
+        larger(larger(now, before), after)
+    })
+}
+
+/// Turns that fade from one look to the next.
+fn faded(looks: &[Turns]) -> Vec<Turns> {
+    around(looks, |before, now, after| {
+        (before + now * 2.0 + after) * 0.25
+    })
+}
+
+/// `of` each joint's turns at a look and at those beside it.
+fn around(looks: &[Turns], of: impl Fn(DVec3, DVec3, DVec3) -> DVec3) -> Vec<Turns> {
+    let last = looks.len().saturating_sub(1);
+    let one = |k: usize| {
+        let (before, after) = (&looks[k.saturating_sub(1)], &looks[(k + 1).min(last)]);
+        std::array::from_fn(|j| of(before[j], looks[k][j], after[j]))
+    };
+    (0..looks.len()).map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use muslin_body::Shape;
+
+    use super::*;
+
+    #[test]
+    fn an_arm_that_swings_into_the_hip_keeps_off_it_and_nothing_jumps() {
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        let figure = avatar.figure(&Shape::default()).expect("a body");
+        let arm = avatar.bone("upperarm01.L").expect("an arm");
+        let pose = |k: i32| {
+            let mut pose = Pose::rest(&avatar);
+            let down = (f64::from(k - 20) / 8.0).powi(2);
+            pose.rotations[arm] = DQuat::from_rotation_z(-0.85 * (-down).exp());
+            pose
+        };
+        let before = Motion {
+            fps: 30.0,
+            poses: (0..41).map(pose).collect(),
+        };
+        let mut motion = before.clone();
+        let turned = make_room(&avatar, &figure, &mut motion).expect("the default rig");
+        assert!((0.02..0.6).contains(&turned), "{turned}");
+        assert_eq!(motion.poses[0], before.poses[0]);
+        assert_eq!(motion.poses[40], before.poses[40]);
+        let mut rest = motion.poses[20].clone();
+        let left = rest.make_room(&avatar, &figure, ROOM).expect("limbs");
+        assert!(left < 0.3 * turned, "{left} of {turned}");
+        let step = |m: &Motion| {
+            let pairs = m.poses.windows(2);
+            let turns = pairs.map(|p| p[0].rotations[arm].angle_between(p[1].rotations[arm]));
+            turns.fold(0.0, f64::max)
+        };
+        assert!(step(&motion) < step(&before) + 0.05);
+    }
+}
