@@ -6,7 +6,7 @@
 
 use crate::garment::{Garment, Rim, Worn};
 use crate::recipe::{Opening, Side};
-use crate::relax::{Elastic, Memory, Outside, Round};
+use crate::relax::{Elastic, FOLDS, Memory, Outside, Round};
 use crate::settle::Net;
 use crate::sheet::{Row, blend};
 use crate::stand::{BodyMap, Stand};
@@ -159,6 +159,7 @@ impl Brought {
                 stitch: 0.0,
                 smooth: if round < ROUNDS / 2 { 0.3 } else { 0.05 },
                 most: 0.01,
+                slack: if round < ROUNDS / 3 { 0.0 } else { FOLDS },
             };
             if round % 5 == 4 {
                 self.cloth.find_crossings(x, &mut memory);

@@ -12,7 +12,7 @@ use crate::GarmentError;
 use crate::brought::{Fitted, OFF_SKIN, bind, bone_rows, spread};
 use crate::garment::Garment;
 use crate::pattern::{Laid, flatten, lay_flat, turn};
-use crate::relax::{Elastic, Memory, Outside, Round};
+use crate::relax::{Elastic, FOLDS, Memory, Outside, Round};
 use crate::sewing::percentile;
 use crate::stand::{BodyMap, Stand};
 use clean::Piece;
@@ -31,9 +31,9 @@ pub struct Tailored {
 
 /// Panels that a mesh without a pattern is laid out in.
 const PANELS: [&str; 4] = ["front", "back", "left sleeve", "right sleeve"];
-/// Strain of the median face beyond which a mesh is let out to our body: it has no pattern whose
-/// size would have to be kept.
-const TIGHT: f64 = 0.02;
+/// Strain of the median face and the 99th percentile beyond which a mesh is let out to our body: it
+/// has no pattern whose size would have to be kept.
+const TIGHT: (f64, f64) = (0.02, 0.05);
 /// Rounds of drawing a garment out of the skin.
 const ROUNDS: usize = 60;
 
@@ -156,8 +156,9 @@ impl Even {
         }
         let skin = Surface::new(&base.verts, avatar.collision_faces());
         draw(&cloth, &mut x, &skin);
-        let strain = percentile(cloth.strains(&x), 0.5);
-        let grown = (strain > TIGHT).then(|| {
+        let [half, worst] = [0.5, 0.99].map(|share| percentile(cloth.strains(&x), share));
+        let strain = half.max(worst);
+        let grown = (half > TIGHT.0 || worst > TIGHT.1).then(|| {
             format!(
                 "{name} was made for a slimmer body: let out by {:.0} %",
                 strain * 100.0
@@ -195,6 +196,7 @@ fn draw(cloth: &Elastic, x: &mut [DVec3], skin: &Surface) {
             stitch: 0.0,
             smooth: if round < ROUNDS / 2 { 0.3 } else { 0.05 },
             most: 0.008,
+            slack: if round < ROUNDS / 3 { 0.0 } else { FOLDS },
         };
         if round % 4 == 3 {
             cloth.find_crossings(x, &mut memory);

@@ -43,6 +43,8 @@ pub(crate) struct Round {
     pub smooth: f64,
     /// Farthest that a vertex moves [m].
     pub most: f64,
+    /// By how much cloth may be shorter than cut without resisting: it will fold there.
+    pub slack: f64,
 }
 
 /// What a run of rounds remembers from one to the next.
@@ -61,6 +63,8 @@ type Touch = Option<(DVec3, f64)>;
 
 /// Faces whose normals' cosine is above this do not face each other.
 const FACING: f64 = 0.2;
+/// Slack of cloth that may fold.
+pub(crate) const FOLDS: f64 = 0.3;
 /// Growth of the number of crossings at which leading apart is given up.
 const WORSE: usize = 3;
 /// How far crossing cloth is led apart [m].
@@ -132,7 +136,7 @@ impl Elastic {
         if !memory.apart.is_empty() {
             touches.push(memory.apart.clone());
         }
-        let turned = self.turned(x);
+        let turned = self.turned(x, how.slack);
         let right: Vec<DVec3> = (0..x.len())
             .into_par_iter()
             .map(|i| self.right(i, x[i], &turned, &touches))
@@ -149,9 +153,9 @@ impl Elastic {
     }
 
     /// Every face as it was cut, turned to lie as it lies at `x`: its sides [m].
-    fn turned(&self, x: &[DVec3]) -> Vec<[DVec3; 3]> {
+    fn turned(&self, x: &[DVec3], slack: f64) -> Vec<[DVec3; 3]> {
         let one = |(f, r): (&[u32; 3], &[DVec2; 3])| {
-            let [u, v] = nearest_turn(f.map(|i| x[i as usize]), r);
+            let [u, v] = nearest_shape(f.map(|i| x[i as usize]), r, slack);
             let lift = |d: DVec2| u * d.x + v * d.y;
             [0, 1, 2].map(|k| lift(r[(k + 1) % 3] - r[k]))
         };
@@ -250,20 +254,27 @@ fn deformation(x: [DVec3; 3], r: &[DVec2; 3]) -> [DVec3; 2] {
     [(p * b.y - q * a.y) / twice, (q * a.x - p * b.x) / twice]
 }
 
-/// The orthonormal pair nearest to a face's deformation: the polar factor of a 3 × 2 matrix.
-fn nearest_turn(x: [DVec3; 3], r: &[DVec2; 3]) -> [DVec3; 2] {
+/// The shape nearest to a face's deformation that is nowhere longer than it was cut, nor shorter
+/// than by the share `slack`: without slack the polar factor of a 3 × 2 matrix.
+fn nearest_shape(x: [DVec3; 3], r: &[DVec2; 3], slack: f64) -> [DVec3; 2] {
     let [u, v] = deformation(x, r);
     let (a, b, d) = (u.length_squared(), u.dot(v), v.length_squared());
-    let det = (a * d - b * b).max(0.0).sqrt();
-    let whole = (a + d + 2.0 * det).sqrt();
-    // The root of FᵀF is (FᵀF + det) / whole; its inverse, once more by the determinant.
-    let (p, q, s) = ((a + det) / whole, b / whole, (d + det) / whole);
-    let under = p * s - q * q;
-    if under.is_nan() || under < 1e-12 {
+    let (mean, half) = (0.5 * (a + d), (0.5 * (a - d)).hypot(b));
+    let [long, short] = [mean + half, mean - half].map(|l| l.max(0.0).sqrt());
+    if short.is_nan() || short < 1e-6 {
         let along = u.normalize_or(v.normalize_or(DVec3::X));
         return [along, along.any_orthonormal_vector()];
     }
-    [(u * s - v * q) / under, (v * p - u * q) / under]
+    let [p, q] = [long, short].map(|s| s.clamp(1.0 - slack, 1.0) / s);
+    // The direction of the longer stretch; any will do where both are equal.
+    let turn = 0.5 * (2.0 * b).atan2(a - d);
+    let (sin, cos) = turn.sin_cos();
+    let (m, n, o) = (
+        p * cos * cos + q * sin * sin,
+        (p - q) * sin * cos,
+        p * sin * sin + q * cos * cos,
+    );
+    [u * m + v * n, u * n + v * o]
 }
 
 fn touches(o: &Outside, x: &[DVec3], hints: &mut [u32]) -> Vec<Touch> {
@@ -412,6 +423,7 @@ mod tests {
             stitch: 0.0,
             smooth: 0.01,
             most: 0.05,
+            slack: 0.0,
         };
         let mut memory = Memory::default();
         for _ in 0..200 {
@@ -430,7 +442,10 @@ mod tests {
         let r = [DVec2::ZERO, DVec2::X, DVec2::new(0.3, 0.8)];
         let (u, v) = (DVec3::new(0.6, 0.0, 0.8), DVec3::Y);
         let x = r.map(|p| (u * p.x + v * p.y) * 1.3 + DVec3::ONE);
-        let [a, b] = nearest_turn(x, &r);
+        let [a, b] = nearest_shape(x, &r, 0.0);
         assert!(a.distance(u) < 1e-12 && b.distance(v) < 1e-12);
+        let squeezed = r.map(|p| u * p.x * 0.8 + v * p.y * 1.2);
+        let [a, b] = nearest_shape(squeezed, &r, 0.3);
+        assert!(a.distance(u * 0.8) < 1e-12 && b.distance(v) < 1e-12);
     }
 }

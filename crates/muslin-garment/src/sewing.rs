@@ -5,7 +5,7 @@ mod growing;
 
 use crate::brought::Fitted;
 use crate::panels::{Panel, SewingPattern};
-use crate::relax::{Elastic, Memory, Outside, Round};
+use crate::relax::{Elastic, FOLDS, Memory, Outside, Round};
 use crate::stand::{BodyMap, Stand};
 use crate::{Garment, GarmentError};
 use glam::{DAffine3, DVec2, DVec3};
@@ -215,6 +215,7 @@ fn draw_together(
             stitch: 0.02 * (500f64).powf(t),
             smooth: 0.3,
             most: 0.012,
+            slack: 0.0,
         };
         cloth.round(&mut x, (&outside, &mut memory), &how);
     }
@@ -267,6 +268,7 @@ fn close(
             stitch: 10.0,
             smooth: 0.3,
             most: 0.012,
+            slack: 0.0,
         };
         cloth.round(&mut x, (&outside, &mut memory), &how);
     }
@@ -292,6 +294,7 @@ fn settle(cloth: &Elastic, mut x: Vec<DVec3>, (stand, edge): (&Stand, f64)) -> V
             stitch: 0.0,
             smooth: if round < SETTLE / 2 { 0.3 } else { 0.05 },
             most: 0.01,
+            slack: if round < SETTLE / 4 { 0.0 } else { FOLDS },
         };
         let clean = round % 3 == 2 && cloth.find_crossings(&x, &mut memory) == 0;
         if clean && round >= SETTLE {
