@@ -5,6 +5,7 @@
 //! passed through each other are led back by the same law.
 
 use glam::DVec3;
+use muslin_body::Sparse;
 use muslin_geom::Surface;
 
 use crate::body::Wall;
@@ -14,6 +15,9 @@ use crate::lanes::{LANES, Row};
 const NEAR: f64 = 0.014;
 /// Cloth that was this near at rest is the same part [m].
 const SAME: f64 = 0.03;
+/// Parts that share more than this of what they follow are one part: a crease in it may well have its
+/// inner sides together, and no wall belongs there.
+const SHARED: f64 = 0.6;
 /// Distance that parts keep from each other [m].
 const APART: f64 = 0.003;
 
@@ -21,14 +25,16 @@ const APART: f64 = 0.003;
 #[derive(Clone, Debug)]
 pub struct Folds {
     rest: Vec<DVec3>,
+    weights: Sparse,
     surface: Surface,
 }
 
 impl Folds {
-    /// A cloth that lies at `rest` [m] where it does not meet itself.
-    pub fn new(faces: &[[u32; 3]], rest: &[DVec3]) -> Self {
+    /// A cloth that lies at `rest` [m] where it does not meet itself, and follows bones by `weights`.
+    pub fn new(faces: &[[u32; 3]], rest: &[DVec3], weights: &Sparse) -> Self {
         Self {
             rest: rest.to_vec(),
+            weights: weights.clone(),
             surface: Surface::new(rest, faces),
         }
     }
@@ -56,6 +62,9 @@ impl Folds {
         };
         let (face, _) = surface.bvh().nearest(p, NEAR * NEAR, other)?;
         let hit = surface.at(p, face);
+        if self.shared(v, faces[face as usize][0] as usize) > SHARED {
+            return None;
+        }
         if surface.vertex_normals()[v].dot(hit.normal) > 0.0 {
             return None;
         }
@@ -64,6 +73,20 @@ impl Folds {
         let offset = hit.normal.dot(hit.point) + 0.5 * depth - radius + 0.5 * APART;
         let n = hit.normal.as_vec3();
         Some([n.x, n.y, n.z, offset as f32])
+    }
+}
+
+impl Folds {
+    /// How much of what two vertices follow is the same, 0 to 1.
+    fn shared(&self, a: usize, b: usize) -> f64 {
+        let other = self.weights.row(b);
+        let same = |&(bone, w): &(u32, f64)| {
+            other
+                .iter()
+                .find(|e| e.0 == bone)
+                .map_or(0.0, |e| w.min(e.1))
+        };
+        self.weights.row(a).iter().map(same).sum()
     }
 }
 
@@ -97,7 +120,9 @@ mod tests {
     use super::*;
 
     /// Two sheets that were far apart at rest, facing each other `gap` apart.
-    fn sheets(gap: f64) -> (Folds, Vec<DVec3>) {
+    fn sheets(gap: f64, bones: u32) -> (Folds, Vec<DVec3>) {
+        let mut weights = Sparse::new();
+        (0..50u32).for_each(|v| weights.push([(v / 25 % bones, 1.0)]));
         let (mut faces, mut rest, mut x) = (Vec::new(), Vec::new(), Vec::new());
         for side in 0..2u32 {
             for i in 0..25u32 {
@@ -116,13 +141,13 @@ mod tests {
                 faces.extend([f, g]);
             }
         }
-        (Folds::new(&faces, &rest), x)
+        (Folds::new(&faces, &rest, &weights), x)
     }
 
     #[test]
     fn parts_too_near_or_through_each_other_are_led_apart_and_others_left_alone() {
         for (gap, pushes) in [(0.01, false), (0.002, true), (-0.004, true)] {
-            let (folds, x) = sheets(gap);
+            let (folds, x) = sheets(gap, 2);
             let found = folds.find(&x, 0.004);
             assert_eq!(found.len(), 50);
             for (v, wall) in found {
@@ -133,7 +158,12 @@ mod tests {
                 assert_eq!(below, pushes, "gap {gap}");
             }
         }
-        let (folds, _) = sheets(0.01);
+        let (folds, x) = sheets(0.002, 1);
+        assert!(
+            folds.find(&x, 0.004).is_empty(),
+            "creases of one part are left alone"
+        );
+        let (folds, _) = sheets(0.01, 2);
         assert!(
             folds.find(&folds.rest, 0.004).is_empty(),
             "nothing meets at rest"

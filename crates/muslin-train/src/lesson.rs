@@ -57,7 +57,7 @@ impl Default for Plan {
             steps: 1500,
             packs: 2,
             rate: 1e-3,
-            shape_rate: 0.15,
+            shape_rate: 0.1,
             momentum: 0.8,
             damping: 0.3,
             gap: 4e-3,

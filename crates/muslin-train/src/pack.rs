@@ -62,8 +62,10 @@ impl Pack {
     }
 
     /// Whether the walls are to be looked for anew: often at first, when the cloth moves much.
+    ///
+    /// Where they are looked for too seldom, a training is thrown back each time.
     pub fn is_due(&self) -> bool {
-        matches!(self.visits, 0 | 3 | 8 | 20)
-            || (self.visits >= 50 && self.visits.is_multiple_of(50))
+        self.visits
+            .is_multiple_of(if self.visits < 40 { 2 } else { 5 })
     }
 }

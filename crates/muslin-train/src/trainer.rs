@@ -170,7 +170,7 @@ impl<'a> Trainer<'a> {
             rig,
             pool,
             cut,
-            folds: Folds::new(&lesson.cloth.faces, lesson.template),
+            folds: Folds::new(&lesson.cloth.faces, lesson.template, lesson.weights),
             elastic,
             skin,
             bones,
@@ -223,6 +223,10 @@ impl<'a> Trainer<'a> {
         let how = (&self.body, &self.reader, self.rig.as_slice());
         let mut packs = packs(poses, how, &mut Noise::new(0));
         rescale(&mut packs, &self.scale);
+        packs.par_iter_mut().for_each(|pack| {
+            let skin = |p: &u32| self.body.skin(&poses[*p as usize]);
+            pack.skins = pack.poses.iter().map(skin).collect();
+        });
         let works: Vec<Work> = packs.par_iter_mut().map(|p| self.work(p)).collect();
         match works.is_empty() {
             true => Told::default(),
