@@ -3,7 +3,7 @@
 use glam::DVec3;
 use muslin_body::{Avatar, BodyError, Figure, Part, Pose, Posed, Shape};
 use muslin_geom::{Mesh, self_intersections};
-use muslin_sim::{Relief, relieve};
+use muslin_sim::relieve;
 
 use crate::failure::{Exit, Failure};
 
@@ -87,9 +87,13 @@ const FOLD: f64 = 0.04;
 /// By how much less in a round [rad], and rounds at most.
 const UNBEND: f64 = 0.06;
 const ROUNDS: usize = 10;
-/// Pairs of triangles that may pass through each other at a joint all the same: counted twice.
+/// A joint that is bent less than this folds nothing [rad].
+const BENT: f64 = 0.9;
+/// Triangles that may pass through others at a joint all the same.
 const CROSSINGS: usize = 8;
-/// Skin this far from every such joint is not folded by it [m].
+/// Share of these that must be gone in the end; else bending less was of no use.
+const USE: f64 = 0.3;
+/// Skin this far from every joint is not folded by it [m].
 const LEG: f64 = 0.25;
 /// Joints that fold the body so deep; at armpits flesh has always yielded enough.
 const FOLDS: [&str; 4] = [
@@ -98,65 +102,99 @@ const FOLDS: [&str; 4] = [
     "lowerleg01.L",
     "lowerleg01.R",
 ];
+/// Joints whose crossings are others' concern: fingers that touch, a hand on a thigh.
+const OTHERS: [&str; 6] = [
+    "wrist.L",
+    "wrist.R",
+    "lowerarm01.L",
+    "lowerarm01.R",
+    "upperarm01.L",
+    "upperarm01.R",
+];
 
-/// Bends hips and knees less where the body folds deeper into itself than flesh
-/// yields; says by how much at most [rad].
+/// Bends hips and knees less where the body folds deeper into itself than flesh yields; says by how
+/// much at most [rad].
 fn unfold(avatar: &Avatar, figure: &Figure, pose: &mut Pose) -> Result<f64, BodyError> {
     let rest = Pose::rest(avatar);
-    let bones = FOLDS.map(|name| avatar.bone(name));
-    let bones: Vec<usize> = bones.into_iter().collect::<Result<_, _>>()?;
-    let skin = avatar.part(Part::Body);
-    let wanted = vec![true; skin.len()];
-    let mut unbent = vec![0.0; bones.len()];
+    let bones = FOLDS.iter().chain(&OTHERS).map(|name| avatar.bone(name));
+    let bones: Vec<usize> = bones.collect::<Result<_, _>>()?;
+    let before = pose.clone();
+    let mut unbent = [0.0; FOLDS.len()];
+    let mut crossings = Vec::new();
     for _ in 0..ROUNDS {
-        let posed = avatar.pose(figure, pose);
-        let joints = bones
-            .iter()
-            .map(|&b| posed.bones[b].transform_point3(figure.joints[b]));
-        let joints: Vec<DVec3> = joints.collect();
-        let (before, after) = (&figure.verts[skin.clone()], &posed.verts[skin.clone()]);
-        let relief = relieve((before, after), avatar.collision_faces(), ROOM, &wanted);
-        let Some(k) = folded(avatar, (after, &relief), &joints) else {
+        let bend = |k: usize| pose.rotations[bones[k]].angle_between(rest.rotations[bones[k]]);
+        let bent: [bool; FOLDS.len()] = std::array::from_fn(|k| bend(k) > BENT);
+        if !bent.contains(&true) {
             break;
-        };
+        }
+        let fold = Fold::seen(avatar, (figure, pose), &bones);
+        crossings.push(fold.crossings.iter().sum::<usize>());
+        let Some(k) = fold.worst(&bent) else { break };
         let (from, to) = (pose.rotations[bones[k]], rest.rotations[bones[k]]);
-        let bend = from.angle_between(to);
-        let less = UNBEND.min(bend);
-        pose.rotations[bones[k]] = from.slerp(to, less / bend.max(1e-9));
-        unbent[k] += less;
+        pose.rotations[bones[k]] = from.slerp(to, UNBEND / bend(k));
+        unbent[k] += UNBEND;
+    }
+    let [first, .., last] = crossings[..] else {
+        return Ok(0.0);
+    };
+    if last as f64 > (1.0 - USE) * first as f64 {
+        *pose = before;
+        return Ok(0.0);
     }
     Ok(unbent.into_iter().fold(0.0, f64::max))
 }
 
-/// Which of the `joints` [m] folds the body deeper than flesh yields, if one does: where it drew
-/// back too far, or passes through itself all the same.
-fn folded(avatar: &Avatar, (skin, relief): (&[DVec3], &Relief), joints: &[DVec3]) -> Option<usize> {
-    let nearest = |p: DVec3| {
-        let away = |k: &usize| joints[*k].distance_squared(p);
-        let k = (0..joints.len()).min_by(|a, b| away(a).total_cmp(&away(b)))?;
-        (away(&k) < LEG * LEG).then_some(k)
-    };
-    let drawn = |i: &usize| relief.verts[*i].distance(skin[*i]);
-    let worst = (0..skin.len()).max_by(|a, b| drawn(a).total_cmp(&drawn(b)))?;
-    if relief.deepest > FOLD && nearest(skin[worst]).is_some() {
-        return nearest(skin[worst]);
-    }
-    if relief.left == 0 {
-        return None;
-    }
-    let mesh = Mesh {
-        verts: relief.verts.clone(),
-        faces: avatar.collision_faces().to_vec(),
-    };
-    let mut votes = vec![0; joints.len()];
-    for f in self_intersections(&mesh).iter().flatten() {
-        let corner = mesh.faces[*f as usize][0];
-        if let Some(k) = nearest(relief.verts[corner as usize]) {
-            votes[k] += 1;
+/// How a pose folds the body at hips and knees, flesh having yielded.
+struct Fold {
+    /// The joint next to where skin drew back farther than it can, if it did.
+    deep: Option<usize>,
+    /// Triangles that pass through others all the same, by the joint they are next to.
+    crossings: [usize; FOLDS.len()],
+}
+
+impl Fold {
+    /// `bones`: [`FOLDS`], then [`OTHERS`].
+    fn seen(avatar: &Avatar, (figure, pose): (&Figure, &Pose), bones: &[usize]) -> Fold {
+        let skin = avatar.part(Part::Body);
+        let posed = avatar.pose(figure, pose);
+        let (rest, now) = (&figure.verts[skin.clone()], &posed.verts[skin]);
+        let faces = avatar.collision_faces();
+        let relief = relieve((rest, now), faces, ROOM, &vec![true; rest.len()]);
+        let joint = |b: &usize| posed.bones[*b].transform_point3(figure.joints[*b]);
+        let joints: Vec<DVec3> = bones.iter().map(joint).collect();
+        let nearest = |p: DVec3| {
+            let away = |k: &usize| joints[*k].distance_squared(p);
+            let k = (0..joints.len()).min_by(|a, b| away(a).total_cmp(&away(b)))?;
+            (k < FOLDS.len() && away(&k) < LEG * LEG).then_some(k)
+        };
+        let drawn = |i: &usize| relief.verts[*i].distance(now[*i]);
+        let most = (0..now.len()).max_by(|a, b| drawn(a).total_cmp(&drawn(b)));
+        let mesh = Mesh {
+            verts: relief.verts.clone(),
+            faces: faces.to_vec(),
+        };
+        let mut crossings = [0; FOLDS.len()];
+        for f in self_intersections(&mesh).iter().flatten() {
+            if let Some(k) = nearest(mesh.verts[mesh.faces[*f as usize][0] as usize]) {
+                crossings[k] += 1;
+            }
+        }
+        Fold {
+            deep: most
+                .filter(|i| drawn(i) > FOLD)
+                .and_then(|i| nearest(now[i])),
+            crossings,
         }
     }
-    let most = (0..votes.len()).max_by_key(|&k| votes[k])?;
-    (votes[most] > CROSSINGS).then_some(most)
+
+    /// Which of the joints that are bent to bend less, if one.
+    fn worst(&self, bent: &[bool]) -> Option<usize> {
+        let deep = self.deep.filter(|k| bent[*k]);
+        let most = (0..FOLDS.len())
+            .filter(|k| bent[*k])
+            .max_by_key(|k| self.crossings[*k]);
+        deep.or(most.filter(|k| self.crossings[*k] > CROSSINGS))
+    }
 }
 
 /// A body that cannot be made is the user's input out of range.
