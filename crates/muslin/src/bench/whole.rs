@@ -226,10 +226,9 @@ fn one(
     let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
     let sitter = Sitter::new(avatar, &shape, case.moment.pose(avatar, &figure)?)?;
     let dressed = drape_outfit(avatar, outfit, &sitter, &Watch::nobody())?;
-    if let Some(folder) = &drapes.pictures {
-        if !drapes.only.is_empty() || faulty(&dressed.quality) {
-            picture(folder, (avatar, &sitter), (outfit, &dressed), &case.name)?;
-        }
+    let shown = !drapes.only.is_empty() || faulty(&dressed.quality);
+    if let Some(folder) = drapes.pictures.as_ref().filter(|_| shown) {
+        picture(folder, (avatar, &sitter), (outfit, &dressed), &case.name)?;
     }
     Ok(dressed)
 }
