@@ -1,7 +1,9 @@
 //! The end of a drape: nothing of the body may show through, by exact predicates.
 //!
 //! Cloth that crosses itself is drawn apart as far as that goes. Where the body pokes through a
-//! face, its flesh yields to the cloth: pushing the cloth off instead stretches what is tight.
+//! face, its flesh yields to the cloth: pushing the cloth off instead stretches what is tight. Only
+//! what is too thin to yield, a finger on a knee, is covered better: the face's vertices keep more
+//! distance, and its inside begins to touch as well.
 
 use glam::DVec3;
 
@@ -14,8 +16,11 @@ use crate::{
     stage::Stage,
 };
 
-/// Rounds of untangling at the end.
+/// Rounds of untangling and covering at the end.
 const CLEANINGS: usize = 8;
+/// What a round adds to the distance kept from the skin, and the most it may add up to [m].
+const LIFT: f64 = 0.7e-3;
+const MOST_LIFT: f64 = 8e-3;
 /// Rounds in which the flesh yields, what each takes, and the most that any place gives [m]:
 /// where there is flesh, and where there is hardly any.
 const YIELDS: usize = 40;
@@ -27,9 +32,11 @@ pub(crate) fn finish(mut stage: Stage<'_>, cores: &[DVec3]) -> Result<Settled, S
     let speed_p99 = stage.speed();
     for _ in 0..CLEANINGS {
         stage.find_tangles();
-        if !stage.is_tangled() {
+        let thin = thin_hits(&stage, cores);
+        if thin.is_empty() && !stage.is_tangled() {
             break;
         }
+        cover(&mut stage, thin);
         for _ in 0..2 {
             stage.v.fill(DVec3::ZERO);
             stage.calm_step()?;
@@ -66,6 +73,35 @@ pub(crate) fn tidy(
     Ok((dented, yielded, left))
 }
 
+/// Faces of the cloth that something thin of the body pokes through.
+fn thin_hits(stage: &Stage<'_>, cores: &[DVec3]) -> Vec<u32> {
+    let skin = &stage.body.now;
+    let hits = quality::body_intersections(stage.weave, &stage.x, skin);
+    let is_thin = |hit: &&[u32; 2]| {
+        let corners = skin.faces()[hit[1] as usize];
+        !corners
+            .iter()
+            .any(|&v| relief::is_soft(skin, cores, v as usize))
+    };
+    let mut faces: Vec<u32> = hits.iter().filter(is_thin).map(|h| h[0]).collect();
+    faces.dedup();
+    faces
+}
+
+/// Keeps cloth farther away where the body pokes through it.
+fn cover(stage: &mut Stage<'_>, faces: Vec<u32>) {
+    for &f in &faces {
+        for v in stage.weave.faces[f as usize] {
+            let extra = &mut stage.body.extra[v as usize];
+            *extra = (*extra + LIFT).min(MOST_LIFT);
+        }
+    }
+    stage.poked.extend(faces);
+    stage.poked.sort_unstable();
+    stage.poked.dedup();
+    stage.body.forget();
+}
+
 /// Draws the skin back where it still meets cloth; says how far at most [m].
 fn give(stage: &mut Stage<'_>, cores: &[DVec3]) -> f64 {
     let n = stage.body.now.verts().len();
@@ -81,7 +117,9 @@ fn give(stage: &mut Stage<'_>, cores: &[DVec3]) -> f64 {
         let mut depth = vec![0.0; n];
         for v in hits.iter().flat_map(|h| skin.faces()[h[1] as usize]) {
             let v = v as usize;
-            if depth[v] == 0.0 && given[v] < MOST_GIVE[usize::from(!relief::is_soft(skin, v))] {
+            if depth[v] == 0.0
+                && given[v] < MOST_GIVE[usize::from(!relief::is_soft(skin, cores, v))]
+            {
                 depth[v] = GIVE;
             }
         }

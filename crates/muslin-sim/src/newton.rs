@@ -79,8 +79,12 @@ impl Problem<'_> {
             gradient[i as usize] += held.gradient;
             add(w.pattern.diagonal[i as usize], held.hessian);
         }
-        touch::add(self.touches, x, &mut gradient, |i, h| {
-            add(w.pattern.diagonal[i as usize], h);
+        touch::add(self.touches, x, &mut gradient, |touch, a, b, h| {
+            let place = match touch.face {
+                Some(f) => w.pattern.places[f as usize][a][b],
+                None => w.pattern.diagonal[touch.verts[a] as usize],
+            };
+            add(place, h);
         });
         let links = pairs::add(self.pairs, x, &self.barrier, &mut gradient);
         (gradient, Matrix::new(&w.pattern, &w.bending, blocks, links))
@@ -212,7 +216,9 @@ mod tests {
             stiffness: 400.0,
         };
         let touch = Touch {
-            vert: 4,
+            verts: [4, 7, 8],
+            weights: [0.5, 0.2, 0.3],
+            face: Some(7),
             skin: DVec3::new(0.0, 1.0, 0.0),
             normal: DVec3::Y,
             stuck: x[4] + DVec3::X * 1e-4,

@@ -103,10 +103,7 @@ impl Distances {
         radius: f64,
     ) -> bool {
         let moves = regions.boxes(gone);
-        let all = moves.iter().fold(Aabb::EMPTY, |all, b| Aabb {
-            min: all.min.min(b.min),
-            max: all.max.max(b.max),
-        });
+        let all = moves.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
         shift(&all, &all) <= FAR.max(reach) - radius
             && self.near.iter().all(|&(a, b, apart)| {
                 shift(&moves[a as usize], &moves[b as usize]) <= apart.max(reach) - radius

@@ -324,9 +324,12 @@ fn thickness(skin: &Surface, i: usize) -> f64 {
     best * FAR
 }
 
-/// Whether there is flesh behind a vertex that can yield.
-pub(crate) fn is_soft(skin: &Surface, i: usize) -> bool {
-    thickness(skin, i) >= THIN
+/// Whether there is flesh behind a vertex that can yield. `cores`: as in [`Frame`].
+pub(crate) fn is_soft(skin: &Surface, cores: &[DVec3], i: usize) -> bool {
+    match cores.get(i) {
+        Some(core) => core.distance(skin.verts()[i]) >= 0.5 * THIN,
+        None => thickness(skin, i) >= THIN,
+    }
 }
 
 /// Normals averaged over two rings, so that neighbours draw back side by side.

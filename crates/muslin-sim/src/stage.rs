@@ -41,6 +41,8 @@ pub(crate) struct Stage<'a> {
     before: Vec<DVec3>,
     /// Vertices of faces that passed through cloth.
     tangled: Vec<bool>,
+    /// Faces that something thin of the body pokes through.
+    pub poked: Vec<u32>,
     pub steps: usize,
 }
 
@@ -114,6 +116,7 @@ impl<'a> Stage<'a> {
             v: vec![DVec3::ZERO; start.len()],
             before: start.to_vec(),
             tangled: vec![false; start.len()],
+            poked: Vec::new(),
             steps: 0,
             weave,
             options,
@@ -210,6 +213,7 @@ impl<'a> Stage<'a> {
         self.x = x.to_vec();
         self.v = v.to_vec();
         self.before = x.to_vec();
+        self.poked.clear();
         self.body.forget_all();
         self.body.stand();
         self.tree = Bvh::over(&face_boxes(x, &self.weave.faces));
@@ -318,8 +322,8 @@ impl<'a> Stage<'a> {
             smoother(&raw, near, (h / RUB).min(1.0))
         };
         if !pace.smooth {
-            for touch in touches {
-                let i = touch.vert as usize;
+            for touch in touches.iter().filter(|t| t.face.is_none()) {
+                let i = touch.verts[0] as usize;
                 self.v[i] = touch.without_bounce((old[i], self.v[i]), (self.before[i], h));
             }
         }
@@ -379,8 +383,15 @@ impl<'a> Stage<'a> {
 
     fn touches(&mut self, h: f64) -> Vec<Touch> {
         let skin = self.skin(h);
-        self.body
-            .touches(self.weave, (&self.x, &self.before), &skin)
+        let mut touches = self
+            .body
+            .touches(self.weave, (&self.x, &self.before), &skin);
+        for &f in &self.poked {
+            for w in SAMPLES {
+                touches.extend(self.body.face_touch(self.weave, (&self.x, f, w), &skin));
+            }
+        }
+        touches
     }
 
     fn rule(&self, h: f64) -> Rule {
@@ -551,6 +562,14 @@ const CLOTH_STIFFNESS: f64 = 150.0;
 const STICK: f64 = 2e-3;
 /// No vertex starts a step faster than this [m/s].
 const SPEED: f64 = 0.4;
+
+/// Points of a poked face that touch as well: its middle and the middles of its edges.
+const SAMPLES: [[f64; 3]; 4] = [
+    [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
+    [0.5, 0.5, 0.0],
+    [0.0, 0.5, 0.5],
+    [0.5, 0.0, 0.5],
+];
 
 /// Each velocity, led by `share` to the mean of its own and its neighbours'.
 ///

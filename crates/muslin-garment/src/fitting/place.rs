@@ -311,22 +311,30 @@ fn trunk(stand: &Stand) -> Vec<[DVec3; 2]> {
 
 /// The middles of all openings, and which of them are for arms.
 fn rims(pieces: &[Piece], turn: &DMat3) -> Vec<(DVec3, bool)> {
-    let all = || {
-        pieces
-            .iter()
-            .flat_map(|p| p.mesh.verts.iter().map(|v| *turn * *v))
-    };
-    let low = all().fold(DVec3::MAX, DVec3::min);
-    let high = all().fold(DVec3::MIN, DVec3::max);
-    let one = |(p, rim): (&Piece, &Vec<u32>)| {
+    let around = bounds(pieces, turn);
+    let middles = rim_middles(pieces, turn);
+    middles.map(|m| (m, is_aside(m, around))).collect()
+}
+
+/// The lowest and highest coordinates of all pieces.
+fn bounds(pieces: &[Piece], turn: &DMat3) -> (DVec3, DVec3) {
+    let all = pieces.iter().flat_map(|p| &p.mesh.verts);
+    let all = all.map(|v| *turn * *v);
+    all.fold((DVec3::MAX, DVec3::MIN), |(low, high), v| {
+        (low.min(v), high.max(v))
+    })
+}
+
+/// The middles of all openings.
+fn rim_middles(pieces: &[Piece], turn: &DMat3) -> impl Iterator<Item = DVec3> {
+    let middle = |p: &Piece, rim: &[u32]| {
         let sum: DVec3 = rim.iter().map(|&i| p.mesh.verts[i as usize]).sum();
-        let m = *turn * (sum / rim.len() as f64);
-        (m, is_aside(m, (low, high)))
+        *turn * (sum / rim.len() as f64)
     };
     let rims = pieces
         .iter()
         .flat_map(|p| p.rims.iter().map(move |r| (p, r)));
-    rims.map(one).collect()
+    rims.map(move |(p, rim)| middle(p, rim))
 }
 
 /// Whether an opening with its middle here, in a mesh of these bounds, is for an arm.
@@ -338,26 +346,13 @@ fn is_aside(m: DVec3, (low, high): (DVec3, DVec3)) -> bool {
 
 /// The middle of the highest opening.
 fn top_rim(pieces: &[Piece], turn: &DMat3) -> DVec3 {
-    let middle = |(p, rim): (&Piece, &Vec<u32>)| {
-        let sum: DVec3 = rim.iter().map(|&i| p.mesh.verts[i as usize]).sum();
-        *turn * (sum / rim.len() as f64)
-    };
-    let rims = pieces
-        .iter()
-        .flat_map(|p| p.rims.iter().map(move |r| (p, r)));
-    let highest = rims.map(middle).max_by(|a, b| a.y.total_cmp(&b.y));
+    let highest = rim_middles(pieces, turn).max_by(|a, b| a.y.total_cmp(&b.y));
     highest.expect("a piece has openings")
 }
 
 /// How far below level the sleeves point [rad], if there are two.
 fn sleeve_angle(pieces: &[Piece], turn: &DMat3) -> Option<f64> {
-    let all = || {
-        pieces
-            .iter()
-            .flat_map(|p| p.mesh.verts.iter().map(|v| *turn * *v))
-    };
-    let low = all().fold(DVec3::MAX, DVec3::min);
-    let high = all().fold(DVec3::MIN, DVec3::max);
+    let (low, high) = bounds(pieces, turn);
     let middle = (low.x + high.x) / 2.0;
     let mut angles = [None, None];
     for p in pieces {
