@@ -19,28 +19,47 @@ const FAR: f64 = 0.15;
 /// One vertex in so many is looked at.
 const STRIDE: usize = 3;
 
-impl Pose {
-    /// Turns thighs, then upper arms, until shins and feet, forearms and hands keep `room` [m] from
-    /// the rest of the body; says by how much at most [rad].
+/// The limbs that make room, and the room they are to keep: found once, for any number of poses.
+pub struct Limbs(Vec<Limb>);
+
+impl Limbs {
+    /// Legs, then arms, each to keep `room` [m] from the rest of the body.
     ///
-    /// Limbs that would have to turn by more than 0.6 rad stay where they got to. Fails on an
-    /// avatar without the default rig's limbs.
-    pub fn make_room(
-        &mut self,
-        avatar: &Avatar,
-        figure: &Figure,
-        room: f64,
-    ) -> Result<f64, BodyError> {
-        let mut most = 0.0f64;
-        for side in ["L", "R"] {
-            let leg = Limb::leg(avatar, (side, room))?;
-            most = most.max(leg.make_room(self, avatar, figure));
+    /// Fails on an avatar without the default rig's limbs.
+    pub fn new(avatar: &Avatar, room: f64) -> Result<Limbs, BodyError> {
+        let arms = [avatar.bone("upperarm01.L")?, avatar.bone("upperarm01.R")?];
+        let mut limbs = Vec::new();
+        // Seen from the side, where legs overlap most often, a leg that gives way sideways stays.
+        for (side, out) in [("L", DVec3::X), ("R", DVec3::NEG_X)] {
+            let thigh = avatar.bone(&format!("upperleg01.{side}"))?;
+            let shin = avatar.bone(&format!("lowerleg01.{side}"))?;
+            let apart = [thigh, arms[0], arms[1]];
+            limbs.push(Limb::new(avatar, (thigh, shin), &apart, (room, Some(out))));
         }
-        for side in ["L", "R"] {
-            let arm = Limb::arm(avatar, (side, room))?;
-            most = most.max(arm.make_room(self, avatar, figure));
+        for (side, upper) in ["L", "R"].into_iter().zip(arms) {
+            let lower = avatar.bone(&format!("lowerarm01.{side}"))?;
+            limbs.push(Limb::new(avatar, (upper, lower), &arms, (room, None)));
         }
-        Ok(most)
+        Ok(Limbs(limbs))
+    }
+
+    /// The bones that turn: both thighs, both upper arms.
+    pub fn bones(&self) -> impl Iterator<Item = usize> {
+        self.0.iter().map(|limb| limb.pivot)
+    }
+
+    /// Turns thighs, then upper arms, until shins and feet, forearms and hands have their room;
+    /// says by how much at most [rad].
+    ///
+    /// Thighs are left to lie on each other and on the belly: flesh yields there, and a turn that
+    /// frees what is next to the hip leads the foot far away. Limbs that would have to turn by more
+    /// than 0.6 rad stay where they got to.
+    pub fn make_room(&self, pose: &mut Pose, avatar: &Avatar, figure: &Figure) -> f64 {
+        let turns = self
+            .0
+            .iter()
+            .map(|limb| limb.make_room(pose, avatar, figure));
+        turns.fold(0.0, f64::max)
     }
 }
 
@@ -60,44 +79,25 @@ struct Limb {
 }
 
 impl Limb {
-    /// Forearm and hand, to be kept from trunk, head and legs.
-    fn arm(avatar: &Avatar, (side, room): (&str, f64)) -> Result<Limb, BodyError> {
-        let left = share_of(avatar, avatar.bone("upperarm01.L")?);
-        let right = share_of(avatar, avatar.bone("upperarm01.R")?);
-        let lower = share_of(avatar, avatar.bone(&format!("lowerarm01.{side}"))?);
+    /// What follows `lower`, to be kept from all that follows none of the bones `apart`.
+    fn new(
+        avatar: &Avatar,
+        (pivot, lower): (usize, usize),
+        apart: &[usize],
+        (room, out): (f64, Option<DVec3>),
+    ) -> Limb {
+        let lower = share_of(avatar, lower);
         let skin = avatar.part(Part::Body).filter(|&i| lower[i] > 0.5);
-        let (others, at_cut) = faces_without(avatar, |v| left[v] + right[v]);
-        Ok(Limb {
-            pivot: avatar.bone(&format!("upperarm01.{side}"))?,
-            skin: skin.map(|i| i as u32).collect(),
-            room,
-            others,
-            at_cut,
-            out: None,
-        })
-    }
-
-    /// Shin and foot, to be kept from trunk, head and the other leg, sideways: seen from the side,
-    /// where legs overlap most often, nothing changes.
-    ///
-    /// Thighs are left to lie on each other and on the belly: flesh yields there, and a turn that
-    /// frees what is next to the hip leads the foot far away.
-    fn leg(avatar: &Avatar, (side, room): (&str, f64)) -> Result<Limb, BodyError> {
-        let pivot = avatar.bone(&format!("upperleg01.{side}"))?;
-        let [left, right] = ["upperarm01.L", "upperarm01.R"].map(|name| avatar.bone(name));
-        let (left, right) = (share_of(avatar, left?), share_of(avatar, right?));
-        let whole = share_of(avatar, pivot);
-        let lower = share_of(avatar, avatar.bone(&format!("lowerleg01.{side}"))?);
-        let skin = avatar.part(Part::Body).filter(|&i| lower[i] > 0.5);
-        let (others, at_cut) = faces_without(avatar, |v| whole[v] + left[v] + right[v]);
-        Ok(Limb {
+        let apart: Vec<Vec<f64>> = apart.iter().map(|&b| share_of(avatar, b)).collect();
+        let (others, at_cut) = faces_without(avatar, |v| apart.iter().map(|s| s[v]).sum());
+        Limb {
             pivot,
             skin: skin.map(|i| i as u32).collect(),
             room,
             others,
             at_cut,
-            out: Some(if side == "L" { DVec3::X } else { DVec3::NEG_X }),
-        })
+            out,
+        }
     }
 
     /// Turns the limb in a pose; says by how much [rad].
@@ -193,16 +193,17 @@ mod tests {
         let avatar = Avatar::embedded().expect("the embedded body is sound");
         let figure = avatar.figure(&Shape::default()).expect("the default shape");
         let mut free = Pose::rest(&avatar);
-        assert_eq!(free.make_room(&avatar, &figure, 0.01), Ok(0.0));
+        let limbs = Limbs::new(&avatar, 0.01).expect("limbs");
+        assert_eq!(limbs.make_room(&mut free, &avatar, &figure), 0.0);
         let mut pose = Pose::rest(&avatar);
         let upper = avatar.bone("upperarm01.L").expect("an arm");
         // The left arm hangs at +X; this brings it down and inward, into the thigh.
         pose.rotations[upper] = DQuat::from_rotation_z(-0.85);
-        let arm = Limb::arm(&avatar, ("L", 0.01)).expect("an arm");
-        assert!(lack(&arm, &avatar, &figure, &pose) > 0.02);
-        let turn = pose.make_room(&avatar, &figure, 0.01).expect("limbs");
+        let arm = &limbs.0[2];
+        assert!(lack(arm, &avatar, &figure, &pose) > 0.02);
+        let turn = limbs.make_room(&mut pose, &avatar, &figure);
         assert!(turn > 0.02 && turn < MOST, "{turn}");
-        let left = lack(&arm, &avatar, &figure, &pose);
+        let left = lack(arm, &avatar, &figure, &pose);
         assert!(left < 0.003, "{left}");
     }
 
@@ -212,13 +213,14 @@ mod tests {
         let shape = Shape::default().with("weight", 0.8).expect("a phenotype");
         let figure = avatar.figure(&shape).expect("a heavy person");
         let thigh = avatar.bone("upperleg01.L").expect("a leg");
-        let leg = Limb::leg(&avatar, ("L", 0.01)).expect("a leg");
+        let limbs = Limbs::new(&avatar, 0.01).expect("limbs");
+        let leg = &limbs.0[0];
         let mut pose = Pose::rest(&avatar);
         pose.rotations[thigh] = DQuat::from_rotation_z(-0.35);
-        let before = lack(&leg, &avatar, &figure, &pose);
+        let before = lack(leg, &avatar, &figure, &pose);
         assert!(before > 0.005, "{before}");
-        let turned = pose.make_room(&avatar, &figure, 0.01).expect("limbs");
-        let after = lack(&leg, &avatar, &figure, &pose);
+        let turned = limbs.make_room(&mut pose, &avatar, &figure);
+        let after = lack(leg, &avatar, &figure, &pose);
         assert!(after < 0.003 && turned < MOST, "{before} to {after}");
     }
 }

@@ -12,8 +12,6 @@ pub(crate) struct Body {
     /// Skin positions one step earlier [m].
     before: Vec<DVec3>,
     seen: Vec<Seen>,
-    /// Per vertex, distance that is kept on top of the common gap [m].
-    pub extra: Vec<f64>,
 }
 
 /// The last answer about a vertex.
@@ -53,7 +51,6 @@ impl Body {
             now,
             before,
             seen: vec![UNSEEN; n_cloth],
-            extra: vec![0.0; n_cloth],
         }
     }
 
@@ -79,7 +76,6 @@ impl Body {
     /// Drops everything that was known about the cloth.
     pub fn forget_all(&mut self) {
         self.seen.fill(UNSEEN);
-        self.extra.fill(0.0);
     }
 
     /// How a skin point moves in this step [m].
@@ -98,17 +94,14 @@ impl Body {
         skin: &Skin,
     ) -> Vec<Touch> {
         let (now, seen) = (&self.now, &self.seen);
-        let found = ordered::map(x.len(), |i| {
-            look(now, &seen[i], x[i], skin.reach + self.extra[i])
-        });
+        let found = ordered::map(x.len(), |i| look(now, &seen[i], x[i], skin.reach));
         let mut out = Vec::new();
         for (i, hit) in found.into_iter().enumerate() {
             let Some(hit) = hit else { continue };
             let Some(hit) = hit else {
-                let far = 2.0 * (skin.reach + self.extra[i]);
                 self.seen[i] = Seen {
                     at: x[i],
-                    signed: far,
+                    signed: 2.0 * skin.reach,
                     ..self.seen[i]
                 };
                 continue;
@@ -123,7 +116,7 @@ impl Body {
             }
         }
         out.iter_mut()
-            .for_each(|t| t.press(x, weave.friction[t.verts[0] as usize]));
+            .for_each(|t| t.press(x, weave.friction[t.vert as usize]));
         out
     }
 
@@ -134,11 +127,9 @@ impl Body {
         hit: &Closest,
         skin: &Skin,
     ) -> Touch {
-        let lift = self.extra[i] + LAYER * f64::from(weave.layers[i]);
+        let lift = LAYER * f64::from(weave.layers[i]);
         Touch {
-            verts: [i as u32; 3],
-            weights: [1.0, 0.0, 0.0],
-            face: None,
+            vert: i as u32,
             skin: hit.point,
             normal: hit.normal,
             stuck: before + self.drift(hit),
@@ -149,36 +140,6 @@ impl Body {
             grip: 0.0,
             stick: skin.stick,
         }
-    }
-
-    /// A touch of a point inside a face of the cloth, wherever the skin is.
-    pub fn face_touch(
-        &self,
-        weave: &Weave,
-        (x, face, weights): (&[DVec3], u32, [f64; 3]),
-        skin: &Skin,
-    ) -> Option<Touch> {
-        let verts = weave.faces[face as usize];
-        let c = weave.corners(x, face as usize);
-        let p = c[0] * weights[0] + c[1] * weights[1] + c[2] * weights[2];
-        let hit = self.now.closest(p, skin.reach.max(0.03))?;
-        let extra = verts
-            .map(|i| self.extra[i as usize])
-            .into_iter()
-            .fold(0.0, f64::max);
-        let touch = self.touch(weave, (verts[0] as usize, p), &hit, skin);
-        let radius = skin.barrier.radius + extra;
-        let barrier = Barrier {
-            radius,
-            ..skin.barrier
-        };
-        Some(Touch {
-            verts,
-            weights,
-            face: Some(face),
-            barrier,
-            ..touch
-        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! The end of a drape: nothing of the body may show through, by exact predicates.
 //!
-//! Where the body pokes through a face, its vertices keep more distance and its inside begins to
-//! touch as well; what that does not solve is solved by the flesh, which yields to the cloth.
+//! Cloth that crosses itself is drawn apart as far as that goes. Where the body pokes through a
+//! face, its flesh yields to the cloth: pushing the cloth off instead stretches what is tight.
 
 use glam::DVec3;
 
@@ -14,33 +14,28 @@ use crate::{
     stage::Stage,
 };
 
-/// Rounds of cleaning at the end.
+/// Rounds of untangling at the end.
 const CLEANINGS: usize = 8;
-/// What a round adds to the distance kept from the skin, and the most it may add up to [m].
-const LIFT: f64 = 0.7e-3;
-const MOST_LIFT: f64 = 8e-3;
 /// Rounds in which the flesh yields, what each takes, and the most that any place gives [m]:
 /// where there is flesh, and where there is hardly any.
 const YIELDS: usize = 40;
 const GIVE: f64 = 1e-3;
 const MOST_GIVE: [f64; 2] = [0.035, 0.004];
 
-/// Makes the cloth clean, and measures it.
-pub(crate) fn finish(mut stage: Stage<'_>) -> Result<Settled, SimError> {
+/// Makes the cloth clean, and measures it. `cores`: as in [`relief::Frame`].
+pub(crate) fn finish(mut stage: Stage<'_>, cores: &[DVec3]) -> Result<Settled, SimError> {
     let speed_p99 = stage.speed();
     for _ in 0..CLEANINGS {
         stage.find_tangles();
-        let hits = quality::body_intersections(stage.weave, &stage.x, &stage.body.now);
-        if hits.is_empty() && !stage.is_tangled() {
+        if !stage.is_tangled() {
             break;
         }
-        lift(&mut stage, &hits);
         for _ in 0..2 {
             stage.v.fill(DVec3::ZERO);
             stage.calm_step()?;
         }
     }
-    let yielded = give(&mut stage);
+    let yielded = give(&mut stage, cores);
     let crossing = crossings::crossing_faces(stage.weave, &mut stage.tree, &stage.x).len();
     let measured = Settled::measure(stage.weave, stage.x, &stage.body.now, crossing);
     Ok(Settled {
@@ -55,9 +50,12 @@ pub(crate) fn finish(mut stage: Stage<'_>) -> Result<Settled, SimError> {
 /// the pairs of triangles that meet all the same.
 ///
 /// The next frame starts from the body as it was: a dent made here is this frame's own.
-pub(crate) fn tidy(stage: &mut Stage<'_>) -> Result<(Vec<DVec3>, f64, usize), SimError> {
+pub(crate) fn tidy(
+    stage: &mut Stage<'_>,
+    cores: &[DVec3],
+) -> Result<(Vec<DVec3>, f64, usize), SimError> {
     let skin = stage.body.now.verts().to_vec();
-    let yielded = give(stage);
+    let yielded = give(stage, cores);
     if yielded == 0.0 {
         return Ok((skin, 0.0, 0));
     }
@@ -68,24 +66,8 @@ pub(crate) fn tidy(stage: &mut Stage<'_>) -> Result<(Vec<DVec3>, f64, usize), Si
     Ok((dented, yielded, left))
 }
 
-/// Keeps cloth farther away where the body pokes through it.
-fn lift(stage: &mut Stage<'_>, hits: &[[u32; 2]]) {
-    let mut faces: Vec<u32> = hits.iter().map(|h| h[0]).collect();
-    faces.dedup();
-    for &f in &faces {
-        for v in stage.weave.faces[f as usize] {
-            let extra = &mut stage.body.extra[v as usize];
-            *extra = (*extra + LIFT).min(MOST_LIFT);
-        }
-    }
-    stage.poked.extend(faces);
-    stage.poked.sort_unstable();
-    stage.poked.dedup();
-    stage.body.forget();
-}
-
 /// Draws the skin back where it still meets cloth; says how far at most [m].
-fn give(stage: &mut Stage<'_>) -> f64 {
+fn give(stage: &mut Stage<'_>, cores: &[DVec3]) -> f64 {
     let n = stage.body.now.verts().len();
     let mut given = vec![0.0; n];
     let mut pattern = None;
@@ -103,7 +85,9 @@ fn give(stage: &mut Stage<'_>) -> f64 {
                 depth[v] = GIVE;
             }
         }
-        let dented = relief::dented(skin, &pattern.near, depth, |v| given[v] < MOST_GIVE[0]);
+        let dented = relief::dented(skin, (cores, &pattern.near), depth, |v| {
+            given[v] < MOST_GIVE[0]
+        });
         for v in 0..n {
             given[v] += dented[v].distance(skin.verts()[v]);
         }

@@ -7,9 +7,10 @@ use crate::{
     carry::Carrier,
     clean,
     cloth::{Cloth, SimError, finite, same},
-    flesh::AROUND,
+    dents::{AROUND, check},
+    loosen::{is_caught, loosen},
     quality::Settled,
-    relief::relieve_path,
+    relief::{Frame, relieve_path},
     stage::{Pace, Stage},
     weave::Weave,
 };
@@ -33,6 +34,11 @@ pub struct Options {
     pub still: f64,
     /// Share of its velocity that cloth keeps from one step to the next.
     pub keep: f64,
+    /// Stiffness of a pinned vertex [N/m]. The default holds the weight of trousers at the waist
+    /// within a few millimetres, and lets bent hips pull it down some centimetres, as real ones do.
+    pub pin: f64,
+    /// Times that cloth which is caught in a fold of the body is let go, at most.
+    pub tugs: usize,
 }
 
 impl Default for Options {
@@ -46,6 +52,8 @@ impl Default for Options {
             last_steps: 80,
             still: 0.03,
             keep: 0.8,
+            pin: 15.0,
+            tugs: 2,
         }
     }
 }
@@ -63,14 +71,14 @@ impl Options {
 /// Drapes `cloth` from `start` over a body that moves along `path`, until it rests on the last
 /// frame.
 ///
-/// `start`: positions [m], outside the body's first frame as far as possible; `path`: the body's
-/// vertices [m] per step, first the pose of `start`; `body_faces`: its triangles, outward. Cloth
-/// that is caught or starts inside is brought out where that can be done; what remains is counted
-/// in the result, never hidden.
+/// `start`: positions [m], outside the body's first frame as far as possible; `path`: the body per
+/// step, first the pose of `start`; `body_faces`: its triangles, outward. Cloth that is caught or
+/// starts inside is brought out where that can be done; what remains is counted in the result,
+/// never hidden.
 pub fn drape(
     cloth: &Cloth,
     start: &[DVec3],
-    (path, body_faces): (&[Vec<DVec3>], &[[u32; 3]]),
+    (path, body_faces): (&[Frame], &[[u32; 3]]),
     options: &Options,
 ) -> Result<Settled, SimError> {
     drape_while(cloth, start, (path, body_faces), (options, &|| true))
@@ -81,7 +89,7 @@ pub fn drape(
 pub fn drape_while(
     cloth: &Cloth,
     start: &[DVec3],
-    body: (&[Vec<DVec3>], &[[u32; 3]]),
+    body: (&[Frame], &[[u32; 3]]),
     options: (&Options, GoOn<'_>),
 ) -> Result<Settled, SimError> {
     // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
@@ -91,7 +99,7 @@ pub fn drape_while(
 fn drape_inside(
     cloth: &Cloth,
     start: &[DVec3],
-    (path, body_faces): (&[Vec<DVec3>], &[[u32; 3]]),
+    (path, body_faces): (&[Frame], &[[u32; 3]]),
     (options, go_on): (&Options, GoOn<'_>),
 ) -> Result<Settled, SimError> {
     let weave = Weave::new(cloth)?;
@@ -99,26 +107,36 @@ fn drape_inside(
     finite("start vertex", start)?;
     let first = path.first().ok_or(SimError::EmptyPath)?;
     for frame in path {
-        same("body frame", frame.len(), first.len())?;
-        finite("body vertex", frame)?;
+        check(frame, first.skin.len())?;
     }
     let worn_on = {
-        let skin = Surface::new(first, body_faces);
+        let skin = Surface::new(&first.skin, body_faces);
         Carrier::new(&skin, start).worn_on(&skin)
     };
     let room = options.room(cloth);
-    let (path, relief) = relieve_path(path, body_faces, (&worn_on, AROUND), room);
-    let skin = Surface::new(&path[0], body_faces);
+    let (way, relief) = relieve_path(path, body_faces, (&worn_on, AROUND), room);
+    let skin = Surface::new(&way[0], body_faces);
     let mut stage = Stage::new(&weave, start, skin, cloth, *options);
     for _ in 0..options.first_steps {
         stage.step(&Pace::calm(options.step, 0.5))?;
     }
-    for frame in &path[1..] {
+    for frame in &way[1..] {
         asked(go_on)?;
         stage.follow(frame)?;
     }
-    let converged = stage.settle(go_on)?;
-    let settled = clean::finish(stage)?;
+    let mut converged = stage.settle(go_on)?;
+    let body = Frame {
+        skin: way[way.len() - 1].clone(),
+        cores: path[path.len() - 1].cores.clone(),
+    };
+    for _ in 0..options.tugs {
+        if !is_caught(cloth, &stage.x) {
+            break;
+        }
+        loosen(&mut stage, &body, go_on)?;
+        converged = stage.settle(go_on)?;
+    }
+    let settled = clean::finish(stage, &body.cores)?;
     let yielded = relief.deepest + settled.yielded;
     Ok(Settled {
         converged,

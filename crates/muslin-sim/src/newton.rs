@@ -26,11 +26,9 @@ pub(crate) struct Problem<'a> {
     pub barrier: Barrier,
     /// Vertices held, and where [m].
     pub pins: &'a [(u32, DVec3)],
+    /// Stiffness of a pin [N/m].
+    pub pin: f64,
 }
-
-/// Stiffness of a pin [N/m]: holds the weight of trousers within a millimetre, and lets a waistband
-/// be pulled down a centimetre or two by bent knees, as real ones are.
-const PIN: f64 = 100.0;
 
 impl Problem<'_> {
     /// The incremental potential at `x` [J].
@@ -40,7 +38,7 @@ impl Problem<'_> {
         let pins = self
             .pins
             .iter()
-            .map(|&(i, t)| point::pin(x[i as usize], t, PIN).energy);
+            .map(|&(i, t)| point::pin(x[i as usize], t, self.pin).energy);
         bodies
             + elastic::energy(w, x)
             + touch::energy(self.touches, x)
@@ -77,16 +75,12 @@ impl Problem<'_> {
                 .for_each(|(b, h)| *b += h as f32);
         };
         for &(i, t) in self.pins {
-            let held = point::pin(x[i as usize], t, PIN);
+            let held = point::pin(x[i as usize], t, self.pin);
             gradient[i as usize] += held.gradient;
             add(w.pattern.diagonal[i as usize], held.hessian);
         }
-        touch::add(self.touches, x, &mut gradient, |touch, a, b, h| {
-            let place = match touch.face {
-                Some(f) => w.pattern.places[f as usize][a][b],
-                None => w.pattern.diagonal[touch.verts[a] as usize],
-            };
-            add(place, h);
+        touch::add(self.touches, x, &mut gradient, |i, h| {
+            add(w.pattern.diagonal[i as usize], h);
         });
         let links = pairs::add(self.pairs, x, &self.barrier, &mut gradient);
         (gradient, Matrix::new(&w.pattern, &w.bending, blocks, links))
@@ -218,9 +212,7 @@ mod tests {
             stiffness: 400.0,
         };
         let touch = Touch {
-            verts: [4, 7, 8],
-            weights: [0.5, 0.2, 0.3],
-            face: Some(7),
+            vert: 4,
             skin: DVec3::new(0.0, 1.0, 0.0),
             normal: DVec3::Y,
             stuck: x[4] + DVec3::X * 1e-4,
@@ -251,6 +243,7 @@ mod tests {
             pairs: &[Pair::at(&near, &x, &rule).expect("closer than the radius")],
             barrier: cloth_barrier,
             pins: &[(2, x[2] + DVec3::Z * 1e-4)],
+            pin: 100.0,
         };
         let (gradient, _) = problem.assemble(&x);
         for (i, axis) in (0..9).flat_map(|i| [(i, DVec3::X), (i, DVec3::Y), (i, DVec3::Z)]) {
@@ -293,6 +286,7 @@ mod tests {
             pairs: &[],
             barrier,
             pins: &[],
+            pin: 100.0,
         };
         let (gradient, matrix) = problem.assemble(&x);
         let (solution, _) = matrix.solve(

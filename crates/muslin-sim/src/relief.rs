@@ -1,9 +1,12 @@
 //! Flesh gives way: a posed body that folds into itself is pressed apart, to leave room for cloth.
 //!
 //! Skinned bodies pass through themselves at armpits, crotch and knees, and a hand on a hip is
-//! a little inside it. No cloth could lie there. Real flesh yields: both sides draw back along
-//! their own normals, the thicker part more, until a gap stays between them, and the skin around
-//! follows smoothly. What is too deep for that is left as it is, and said.
+//! a little inside it. No cloth could lie there. Real flesh yields: both sides draw back, the
+//! thicker part more, until a gap stays between them, and the skin around follows smoothly. What
+//! is too deep for that is left as it is, and said.
+//!
+//! The way back lies between straight in and towards the core of the limb: in a deep fold normals
+//! alone cross each other, so that a dent would turn itself inside out.
 
 use glam::DVec3;
 use muslin_geom::{Aabb, Bvh, Surface, closest::Crossing};
@@ -12,6 +15,25 @@ use crate::{
     ordered,
     pattern::{Pattern, Rows},
 };
+
+/// A body in one pose.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Frame {
+    /// Vertices of the skin [m].
+    pub skin: Vec<DVec3>,
+    /// For every vertex a point inside, where its flesh gives way to [m]; none at all: straight in.
+    pub cores: Vec<DVec3>,
+}
+
+impl From<Vec<DVec3>> for Frame {
+    /// Skin whose flesh gives way straight in.
+    fn from(skin: Vec<DVec3>) -> Frame {
+        Frame {
+            skin,
+            cores: Vec::new(),
+        }
+    }
+}
 
 /// A body with room for cloth.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -34,6 +56,8 @@ const YIELD: f64 = 0.35;
 const THIN: f64 = 0.05;
 /// How far a part is looked for [m].
 const FAR: f64 = 0.35;
+/// Share of the way to its core that a place can give at most.
+const INWARD: f64 = 0.8;
 /// Deeper than this no flesh yields [m].
 const DEEPEST: f64 = 0.08;
 /// Skin that was this near at rest is one fold, not two parts [m].
@@ -44,10 +68,11 @@ const FADE: f64 = 0.85;
 
 /// Presses a posed body apart where it folds into itself.
 ///
-/// `rest`, `posed`: vertices [m] without and with the pose; `faces`: outward triangles; `gap`:
-/// room to leave between two parts of the skin [m]. Only vertices that `wanted` names may move.
+/// `rest`, `posed`: vertices [m] without, and the body with the pose; `faces`: outward triangles;
+/// `gap`: room to leave between two parts of the skin [m]. Only vertices that `wanted` names may
+/// move.
 pub fn relieve(
-    (rest, posed): (&[DVec3], &[DVec3]),
+    (rest, posed): (&[DVec3], &Frame),
     faces: &[[u32; 3]],
     gap: f64,
     wanted: &[bool],
@@ -66,7 +91,7 @@ pub fn relieve(
         .now
         .verts()
         .iter()
-        .zip(posed)
+        .zip(&posed.skin)
         .map(|(a, b)| a.distance(*b))
         .collect();
     Relief {
@@ -79,33 +104,46 @@ pub fn relieve(
 
 /// The path of a body that gives way: nothing changes but where skin would press on skin.
 ///
-/// The first and the last frame are relieved; between them dents grow and fade along the skin's
-/// own normals. `near`: skin vertices that cloth is worn on; whatever comes within `around` [m]
+/// The first and the last frame are relieved; between them dents grow and fade. `near`: skin vertices that cloth is worn on; whatever comes within `around` [m]
 /// of them may yield too.
 pub(crate) fn relieve_path(
-    path: &[Vec<DVec3>],
+    path: &[Frame],
     faces: &[[u32; 3]],
     (near, around): (&[bool], f64),
     gap: f64,
 ) -> (Vec<Vec<DVec3>>, Relief) {
     let (first, last) = (&path[0], &path[path.len() - 1]);
-    let end = |frame: &[DVec3]| relieve((first, frame), faces, gap, &within(frame, near, around));
+    let end = |frame: &Frame| {
+        let wanted = within(&frame.skin, near, around);
+        relieve((&first.skin, frame), faces, gap, &wanted)
+    };
     let (from, to) = (end(first), end(last));
-    let depth = |relief: &Relief, frame: &[DVec3], i: usize| relief.verts[i].distance(frame[i]);
-    let n = (path.len() - 1).max(1) as f64;
-    let mut out = path.to_vec();
-    for (k, frame) in out.iter_mut().enumerate() {
-        let t = k as f64 / n;
-        let normals = muslin_geom::vertex_normals(frame, faces);
-        for i in 0..frame.len() {
+    let depth = |relief: &Relief, f: &Frame, i: usize| relief.verts[i].distance(f.skin[i]);
+    let n = (path.len() - 1).max(1);
+    let between = |(k, frame): (usize, &Frame)| {
+        let t = k as f64 / n as f64;
+        let normals = muslin_geom::vertex_normals(&frame.skin, faces);
+        let given = |i: usize| {
             let d = depth(&from, first, i) * (1.0 - t) + depth(&to, last, i) * t;
-            frame[i] -= normals[i] * d;
-        }
-    }
+            given(frame.skin[i], normals[i], (frame.cores.get(i), d))
+        };
+        ordered::map(frame.skin.len(), given)
+    };
+    let mut out: Vec<Vec<DVec3>> = path.iter().enumerate().map(between).collect();
     out[0].clone_from(&from.verts);
     let end = out.len() - 1;
     out[end].clone_from(&to.verts);
     (out, to)
+}
+
+/// Where skin at `p` [m] with this `normal` ends when it gives by `depth` [m].
+pub(crate) fn given(p: DVec3, normal: DVec3, (core, depth): (Option<&DVec3>, f64)) -> DVec3 {
+    let Some(core) = core else {
+        return p - normal * depth;
+    };
+    let way = *core - p;
+    let inward = (way.normalize_or_zero() - normal).normalize_or_zero();
+    p + inward * depth.min(INWARD * way.length())
 }
 
 /// Vertices within `around` [m] of those that `near` names.
@@ -123,6 +161,7 @@ pub(crate) fn within(x: &[DVec3], near: &[bool], around: f64) -> Vec<bool> {
 
 struct Flesh<'a> {
     rest: &'a [DVec3],
+    cores: &'a [DVec3],
     /// The body at rest, where parts are apart and thickness can be told.
     whole: Surface,
     now: Surface,
@@ -138,11 +177,12 @@ struct Need {
 }
 
 impl<'a> Flesh<'a> {
-    fn new(rest: &'a [DVec3], posed: &[DVec3], faces: &[[u32; 3]]) -> Flesh<'a> {
+    fn new(rest: &'a [DVec3], posed: &'a Frame, faces: &[[u32; 3]]) -> Flesh<'a> {
         Flesh {
             rest,
+            cores: &posed.cores,
             whole: Surface::new(rest, faces),
-            now: Surface::new(posed, faces),
+            now: Surface::new(&posed.skin, faces),
             pattern: Pattern::new(rest.len(), faces),
             drawn: vec![0.0; rest.len()],
         }
@@ -218,7 +258,8 @@ impl<'a> Flesh<'a> {
     /// Moves the skin back by what it needs, and its surroundings along.
     fn draw_back(&mut self, needs: &[Need], wanted: &[bool]) {
         let depth: Vec<f64> = needs.iter().map(|n| n.depth).collect();
-        let verts = dented(&self.now, &self.pattern.near, depth, |i| wanted[i]);
+        let flesh = (self.cores, &self.pattern.near);
+        let verts = dented(&self.now, flesh, depth, |i| wanted[i]);
         let moved = self
             .now
             .verts()
@@ -234,9 +275,11 @@ impl<'a> Flesh<'a> {
 }
 
 /// The skin drawn back by at least `depth` [m], its surroundings smoothly along.
+///
+/// `cores`: as in [`Frame`]; `near`: the neighbours of every vertex.
 pub(crate) fn dented(
     skin: &Surface,
-    near: &Rows,
+    (cores, near): (&[DVec3], &Rows),
     depth: Vec<f64>,
     may_move: impl Fn(usize) -> bool + Sync + Send,
 ) -> Vec<DVec3> {
@@ -253,7 +296,9 @@ pub(crate) fn dented(
         });
     }
     let normals = smooth_normals(skin, near);
-    ordered::map(all.len(), |i| skin.verts()[i] - normals[i] * all[i])
+    ordered::map(all.len(), |i| {
+        given(skin.verts()[i], normals[i], (cores.get(i), all[i]))
+    })
 }
 
 /// What part of the room the flesh on this side gives, by the thickness of both [m].
@@ -339,7 +384,12 @@ mod tests {
     fn overlapping_balls_are_pressed_apart_evenly() {
         let (rest, faces) = balls(0.4);
         let (posed, _) = balls(0.17);
-        let relief = relieve((&rest, &posed), &faces, 0.004, &vec![true; rest.len()]);
+        let relief = relieve(
+            (&rest, &posed.into()),
+            &faces,
+            0.004,
+            &vec![true; rest.len()],
+        );
         assert_eq!(relief.left, 0);
         assert!(
             (0.015..0.03).contains(&relief.deepest),
@@ -354,9 +404,35 @@ mod tests {
     }
 
     #[test]
+    fn flesh_gives_way_towards_its_core_and_never_past_it() {
+        let (rest, faces) = balls(0.4);
+        let (skin, _) = balls(0.15);
+        let half = skin.len() / 2;
+        let core = |i: usize| DVec3::X * if i < half { -0.075 } else { 0.075 };
+        let posed = Frame {
+            cores: (0..skin.len()).map(core).collect(),
+            skin,
+        };
+        let relief = relieve((&rest, &posed), &faces, 0.004, &vec![true; rest.len()]);
+        assert_eq!(relief.left, 0);
+        for i in 0..rest.len() {
+            let (p, q) = (relief.verts[i] - core(i), posed.skin[i] - core(i));
+            assert!(p.dot(q) > 0.19 * q.length_squared(), "{i} ends at {p}");
+        }
+        let way = |depth: f64| given(DVec3::X, DVec3::X, (Some(&DVec3::ZERO), depth));
+        assert!((way(0.3) - DVec3::X * 0.7).length() < 1e-12);
+        assert!((way(3.0) - DVec3::X * 0.2).length() < 1e-12);
+    }
+
+    #[test]
     fn a_body_with_room_is_left_alone() {
         let (rest, faces) = balls(0.4);
-        let relief = relieve((&rest, &rest), &faces, 0.004, &vec![true; rest.len()]);
+        let relief = relieve(
+            (&rest, &rest.clone().into()),
+            &faces,
+            0.004,
+            &vec![true; rest.len()],
+        );
         assert_eq!((relief.moved, relief.left), (0, 0));
         assert_eq!(relief.verts, rest);
     }

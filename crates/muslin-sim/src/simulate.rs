@@ -8,8 +8,9 @@ use muslin_geom::Surface;
 use crate::{
     clean,
     cloth::{Cloth, SimError, finite, same},
+    dents::Dents,
     drape::{GoOn, Options, asked},
-    flesh::Flesh,
+    relief::Frame,
     stage::{Pace, Stage},
     weave::Weave,
 };
@@ -26,8 +27,8 @@ pub struct Walk<'a> {
     pub lead: usize,
     /// Frames per second.
     pub fps: f64,
-    /// Vertices of a frame [m].
-    pub at: &'a (dyn Fn(usize) -> Vec<DVec3> + Sync),
+    /// The body in a frame.
+    pub at: &'a (dyn Fn(usize) -> Frame + Sync),
 }
 
 /// What a simulation must remember between two frames, to go on as if it had never stopped.
@@ -99,7 +100,7 @@ pub fn simulate_while(
 struct Run<'a> {
     stage: Stage<'a>,
     walk: &'a Walk<'a>,
-    flesh: Flesh<'a>,
+    dents: Dents<'a>,
     frame: usize,
 }
 
@@ -115,19 +116,19 @@ impl<'a> Run<'a> {
     ) -> Result<Run<'a>, SimError> {
         let skin = Surface::new(walk.rest, walk.faces);
         let stage = Stage::new(weave, start, skin, cloth, *options);
-        let flesh = Flesh::new(walk, stage.worn_on(), options.room(cloth));
+        let dents = Dents::new(walk, stage.worn_on(), options.room(cloth));
         let frame = resume.map_or(0, |s| s.frame);
         let mut run = Run {
             stage,
             walk,
-            flesh,
+            dents,
             frame,
         };
         if let Some(state) = resume {
             same("state", state.verts.len(), weave.n_verts())?;
             same("state", state.velocities.len(), weave.n_verts())?;
-            let before = run.flesh.frame(frame.saturating_sub(1))?;
-            run.stage.body.advance(&before);
+            let before = run.dents.frame(frame.saturating_sub(1))?;
+            run.stage.body.advance(&before.skin);
             run.stage.restore(&state.verts, &state.velocities);
         } else {
             for _ in 0..options.first_steps {
@@ -140,8 +141,8 @@ impl<'a> Run<'a> {
     /// Gives the cloth the velocity that the body has when the lead-in is over.
     fn set_off(&mut self) -> Result<(), SimError> {
         let [k, next] = [0, 1].map(|n| (self.frame + n).min(self.walk.frames - 1));
-        let [from, to] = [self.flesh.frame(k)?, self.flesh.frame(next)?];
-        let motions = self.stage.motions_between(&from, &to);
+        let [from, to] = [self.dents.frame(k)?, self.dents.frame(next)?];
+        let motions = self.stage.motions_between(&from.skin, &to.skin);
         let x = &self.stage.x;
         let by = |(x, m): (&DVec3, &glam::DAffine3)| (m.transform_point3(*x) - *x) * self.walk.fps;
         self.stage.v = x.iter().zip(&motions).map(by).collect();
@@ -155,22 +156,22 @@ impl<'a> Run<'a> {
     ) -> Result<(), SimError> {
         while self.frame < self.walk.frames {
             asked(go_on)?;
-            let body = self.flesh.frame(self.frame)?;
+            let body = self.dents.frame(self.frame)?;
             let before = self.stage.steps;
             if self.frame <= self.walk.lead {
-                self.stage.follow(&body)?;
+                self.stage.follow(&body.skin)?;
                 if self.frame == self.walk.lead {
                     self.stage.settle(go_on)?;
                     self.set_off()?;
                 }
             } else {
-                self.stage.live(&body, 1.0 / self.walk.fps, SPEED)?;
+                self.stage.live(&body.skin, 1.0 / self.walk.fps, SPEED)?;
             }
             self.frame += 1;
             if self.frame <= self.walk.lead {
                 continue;
             }
-            let (skin, yielded, left) = clean::tidy(&mut self.stage)?;
+            let (skin, yielded, left) = clean::tidy(&mut self.stage, &body.cores)?;
             let delivered = self.frame - self.walk.lead;
             let state = delivered
                 .is_multiple_of(CHECKPOINT)
@@ -179,7 +180,7 @@ impl<'a> Run<'a> {
                 frame: delivered - 1,
                 verts: &self.stage.x,
                 body: &skin,
-                yielded: yielded + self.flesh.depth(self.frame - 1),
+                yielded: yielded + self.dents.depth(self.frame - 1),
                 body_intersections: left,
                 steps: self.stage.steps - before,
                 state: state.as_ref(),

@@ -41,8 +41,6 @@ pub(crate) struct Stage<'a> {
     before: Vec<DVec3>,
     /// Vertices of faces that passed through cloth.
     tangled: Vec<bool>,
-    /// Faces that the body pokes through.
-    pub poked: Vec<u32>,
     pub steps: usize,
 }
 
@@ -116,7 +114,6 @@ impl<'a> Stage<'a> {
             v: vec![DVec3::ZERO; start.len()],
             before: start.to_vec(),
             tangled: vec![false; start.len()],
-            poked: Vec::new(),
             steps: 0,
             weave,
             options,
@@ -213,7 +210,6 @@ impl<'a> Stage<'a> {
         self.x = x.to_vec();
         self.v = v.to_vec();
         self.before = x.to_vec();
-        self.poked.clear();
         self.body.forget_all();
         self.body.stand();
         self.tree = Bvh::over(&face_boxes(x, &self.weave.faces));
@@ -297,6 +293,13 @@ impl<'a> Stage<'a> {
         Some(first)
     }
 
+    /// One step in which the body gives way or comes back; cloth is not taken along.
+    pub fn give_way(&mut self, frame: &[DVec3]) -> Result<(), SimError> {
+        self.body.advance(frame);
+        self.before.clone_from(&self.x);
+        self.step(&Pace::calm(self.options.step, 0.5))
+    }
+
     /// One step from rest to rest.
     pub fn calm_step(&mut self) -> Result<(), SimError> {
         self.step(&Pace::calm(self.options.step, 0.0))
@@ -315,8 +318,8 @@ impl<'a> Stage<'a> {
             smoother(&raw, near, (h / RUB).min(1.0))
         };
         if !pace.smooth {
-            for touch in touches.iter().filter(|t| t.face.is_none()) {
-                let i = touch.verts[0] as usize;
+            for touch in touches {
+                let i = touch.vert as usize;
                 self.v[i] = touch.without_bounce((old[i], self.v[i]), (self.before[i], h));
             }
         }
@@ -347,6 +350,7 @@ impl<'a> Stage<'a> {
             pairs: &pairs,
             barrier: rule.barrier,
             pins: &self.pin_targets(),
+            pin: self.options.pin,
         };
         if self.x != from && problem.energy(from) < problem.energy(&self.x) {
             self.x.copy_from_slice(from);
@@ -375,15 +379,8 @@ impl<'a> Stage<'a> {
 
     fn touches(&mut self, h: f64) -> Vec<Touch> {
         let skin = self.skin(h);
-        let mut touches = self
-            .body
-            .touches(self.weave, (&self.x, &self.before), &skin);
-        for &f in &self.poked {
-            for w in SAMPLES {
-                touches.extend(self.body.face_touch(self.weave, (&self.x, f, w), &skin));
-            }
-        }
-        touches
+        self.body
+            .touches(self.weave, (&self.x, &self.before), &skin)
     }
 
     fn rule(&self, h: f64) -> Rule {
@@ -554,13 +551,6 @@ const CLOTH_STIFFNESS: f64 = 150.0;
 const STICK: f64 = 2e-3;
 /// No vertex starts a step faster than this [m/s].
 const SPEED: f64 = 0.4;
-/// Points of a poked face that touch as well: its middle and the middles of its edges.
-const SAMPLES: [[f64; 3]; 4] = [
-    [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
-    [0.5, 0.5, 0.0],
-    [0.0, 0.5, 0.5],
-    [0.5, 0.0, 0.5],
-];
 
 /// Each velocity, led by `share` to the mean of its own and its neighbours'.
 ///

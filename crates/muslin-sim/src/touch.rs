@@ -1,25 +1,20 @@
 //! Contact with the body: where cloth touches skin, and what that costs.
 //!
-//! A touch is a point of the cloth (a vertex, or a point of a face) against the plane through the
-//! nearest skin. The plane stays while a step is solved; the next step finds it anew. As the side
+//! A touch is a vertex of the cloth against the plane through the nearest skin. The plane stays while a step is solved; the next step finds it anew. As the side
 //! is signed, cloth that starts inside is pushed out by the same law.
 
 use glam::{DMat3, DVec3};
 use muslin_energy::{AtPoint, contact, contact::Barrier, friction, friction::Pressed};
 
-/// A point of the cloth near the body.
+/// A vertex of the cloth near the body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Touch {
-    /// Corners whose weighted sum touches; a vertex has weight one on its first corner.
-    pub verts: [u32; 3],
-    pub weights: [f64; 3],
-    /// The face with these corners; none for a vertex.
-    pub face: Option<u32>,
+    pub vert: u32,
     /// Nearest skin point at the end of the step [m].
     pub skin: DVec3,
     /// Outward unit normal there.
     pub normal: DVec3,
-    /// Where the cloth point would be if it had stuck to the skin [m].
+    /// Where the vertex would be if it had stuck to the skin [m].
     pub stuck: DVec3,
     pub barrier: Barrier,
     /// Largest friction force [N], from the press before the step.
@@ -29,19 +24,14 @@ pub(crate) struct Touch {
 }
 
 impl Touch {
-    pub fn point(&self, x: &[DVec3]) -> DVec3 {
-        let at = |k: usize| x[self.verts[k] as usize] * self.weights[k];
-        at(0) + at(1) + at(2)
-    }
-
     /// Signed distance from the skin's plane [m].
     pub fn gap(&self, x: &[DVec3]) -> f64 {
-        (self.point(x) - self.skin).dot(self.normal)
+        (x[self.vert as usize] - self.skin).dot(self.normal)
     }
 
-    /// Energy, force and stiffness at the touching point.
+    /// Energy, force and stiffness.
     pub fn answer(&self, x: &[DVec3]) -> AtPoint {
-        let p = self.point(x);
+        let p = x[self.vert as usize];
         let mut out = contact::plane(p - self.skin, self.normal, &self.barrier);
         if self.grip > 0.0 {
             let on = Pressed {
@@ -87,26 +77,17 @@ pub(crate) fn energy(touches: &[Touch], x: &[DVec3]) -> f64 {
     })
 }
 
-/// Adds gradient and blocks of every touch.
+/// Adds every touch's gradient, and its block to the vertex it is of.
 pub(crate) fn add(
     touches: &[Touch],
     x: &[DVec3],
     gradient: &mut [DVec3],
-    mut block: impl FnMut(&Touch, usize, usize, DMat3),
+    mut block: impl FnMut(u32, DMat3),
 ) {
     let answers = crate::ordered::map(touches.len(), |t| touches[t].answer(x));
     for (touch, answer) in touches.iter().zip(answers) {
-        for a in (0..3).filter(|&a| touch.weights[a] != 0.0) {
-            gradient[touch.verts[a] as usize] += answer.gradient * touch.weights[a];
-            for b in (0..3).filter(|&b| touch.weights[b] != 0.0) {
-                block(
-                    touch,
-                    a,
-                    b,
-                    answer.hessian * (touch.weights[a] * touch.weights[b]),
-                );
-            }
-        }
+        gradient[touch.vert as usize] += answer.gradient;
+        block(touch.vert, answer.hessian);
     }
 }
 
@@ -114,8 +95,8 @@ pub(crate) fn add(
 ///
 /// A touch that has not begun has no stiffness yet, so that a solve would fall through it.
 pub(crate) fn keep_out(touches: &[Touch], x: &[DVec3], moves: &mut [DVec3]) {
-    for touch in touches.iter().filter(|t| t.face.is_none()) {
-        let i = touch.verts[0] as usize;
+    for touch in touches {
+        let i = touch.vert as usize;
         let gap = touch.gap(x);
         let least = gap.min(0.5 * touch.barrier.radius);
         let short = least - (gap + moves[i].dot(touch.normal));

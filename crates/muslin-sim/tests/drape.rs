@@ -3,7 +3,7 @@
 mod scenes;
 
 use glam::{DVec2, DVec3};
-use muslin_sim::{Cloth, Options, Settled, SimError, drape, drape_while};
+use muslin_sim::{Cloth, Frame, Options, Settled, SimError, drape, drape_while};
 use scenes::{capsule, cotton, cut, grid, look, tube};
 
 /// A body far below everything, for scenes without one.
@@ -37,10 +37,12 @@ fn a_hanging_strip_stretches_by_its_own_weight() {
     let options = Options {
         last_steps: 300,
         iterations: 80,
+        pin: 100.0,
         still: 1e-4,
         ..Options::default()
     };
-    let settled = drape(&cloth, &start, (&[body], &body_faces), &options).expect("valid scene");
+    let settled =
+        drape(&cloth, &start, (&[body.into()], &body_faces), &options).expect("valid scene");
     // Above height y hangs ρ g y: the end sinks by ρ g L² / (2 k).
     let want = material.density * 9.81 * 0.5 * 0.5 / (2.0 * 20.0);
     let got = -settled.verts[2].y;
@@ -64,7 +66,7 @@ fn on_a_sphere(threads: usize) -> Settled {
         drape(
             &cloth,
             &start,
-            (std::slice::from_ref(&body), &body_faces),
+            (&[body.clone().into()], &body_faces),
             &Options::default(),
         )
     };
@@ -118,7 +120,7 @@ fn a_tube_stays_clean_while_an_arm_comes_down_beside_it_and_all_walk_away() {
         verts.iter_mut().for_each(|v| v.z += 0.04 * f64::from(k));
         verts
     };
-    let path: Vec<Vec<DVec3>> = (0..=16).map(frame).collect();
+    let path: Vec<Frame> = (0..=16).map(|k| frame(k).into()).collect();
     let body_faces = torso_with_arm(1.0).1;
     let options = Options::default();
     let settled = drape(&cloth, &start, (&path, &body_faces), &options).expect("valid scene");
@@ -135,10 +137,47 @@ fn a_tube_stays_clean_while_an_arm_comes_down_beside_it_and_all_walk_away() {
 }
 
 #[test]
+fn cloth_that_is_too_tight_is_tugged_at_and_the_body_is_back_where_it_was() {
+    // A finger wide is what the tube lacks: no tug can help, and none may harm.
+    let mut material = cotton();
+    material.limit = Some(0.01);
+    let (mut cloth, start) = tube((0.16, 0.165), (0.85, 0.3), 0.018, material);
+    let tight = |t: &mut [DVec2; 3]| t.iter_mut().for_each(|p| p.x *= 0.84);
+    cloth.rest.iter_mut().for_each(tight);
+    let (body, faces) = capsule(DVec3::Y * 0.3, DVec3::Y * 1.7, 0.14, 40);
+    let centre = |p: &DVec3| DVec3::new(0.0, p.y.clamp(0.3, 1.7), 0.0);
+    let frame = Frame {
+        cores: body.iter().map(centre).collect(),
+        skin: body.clone(),
+    };
+    let run = |tugs: usize| {
+        let options = Options {
+            tugs,
+            ..Options::default()
+        };
+        drape(
+            &cloth,
+            &start,
+            (std::slice::from_ref(&frame), &faces),
+            &options,
+        )
+        .expect("valid")
+    };
+    let (left_alone, tugged) = (run(0), run(1));
+    assert!(tugged.steps > left_alone.steps + 25, "a tug takes steps");
+    assert_clean(&tugged);
+    assert!(tugged.stretch_p99 > 0.01);
+    assert!(tugged.stretch_p99 < left_alone.stretch_p99 + 0.01);
+    let away = tugged.body.iter().zip(&body).map(|(a, b)| a.distance(*b));
+    let away = away.fold(0.0, f64::max);
+    assert!((away - tugged.yielded).abs() < 1e-3, "{away}");
+}
+
+#[test]
 fn arrays_that_do_not_fit_are_refused_by_name() {
     let (cloth, start) = tube((0.16, 0.165), (0.85, 0.1), 0.05, cotton());
     let (body, faces) = nobody();
-    let path = [body.clone()];
+    let path = [body.clone().into()];
     let options = Options::default();
     let run = |cloth: &Cloth, start: &[DVec3]| drape(cloth, start, (&path, &faces), &options);
     let said = |r: Result<Settled, muslin_sim::SimError>| r.expect_err("bad input").to_string();
@@ -164,7 +203,7 @@ fn a_drape_stops_between_two_steps_when_asked() {
     let (body, body_faces) = nobody();
     let left = std::sync::atomic::AtomicI32::new(3);
     let go_on = || left.fetch_sub(1, std::sync::atomic::Ordering::Relaxed) > 0;
-    let path = [body];
+    let path = [body.into()];
     let options = (&Options::default(), &go_on as &(dyn Fn() -> bool + Sync));
     let stopped = drape_while(&cloth, &start, (&path, &body_faces), options);
     assert_eq!(stopped.err(), Some(SimError::Stopped));

@@ -33,7 +33,7 @@ fn film(frames: usize, threads: usize, resume: Option<&State>) -> Film {
     let at = |k: usize| {
         let t = k as f64 / 60.0;
         let way = DVec3::new(0.6 * t, 0.05 * (9.0 * t).sin(), 0.0);
-        ball.iter().map(|p| *p + way).collect()
+        ball.iter().map(|p| *p + way).collect::<Vec<_>>().into()
     };
     let walk = Walk {
         faces: &faces,
@@ -78,7 +78,7 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bits() {
 fn a_sheet_falls_freely_past_ten_metres_a_second() {
     let (cloth, start) = sheet(6, 0.0);
     let (ball, faces) = capsule(DVec3::Y * -90.0, DVec3::Y * -89.0, 0.1, 8);
-    let at = |_: usize| ball.clone();
+    let at = |_: usize| ball.clone().into();
     let (frames, fps) = (66, 60.0);
     let walk = Walk {
         faces: &faces,
@@ -126,7 +126,7 @@ fn slid(friction: f64, angle: f64) -> f64 {
         frames: 31,
         lead: 0,
         fps: 60.0,
-        at: &|_| slab.clone(),
+        at: &|_| slab.clone().into(),
     };
     let options = Options {
         gravity: DVec3::new(angle.sin(), -angle.cos(), 0.0) * 9.81,

@@ -1,9 +1,9 @@
 //! The body in a pose, as walls for the cloth.
 
 use glam::{DAffine3, DVec3};
-use muslin_body::{Avatar, Figure, Part, Pose};
+use muslin_body::{Avatar, Cores, Figure, Part, Pose};
 use muslin_geom::{Aabb, Bvh, Surface};
-use muslin_sim::relieve;
+use muslin_sim::{Frame, relieve};
 
 /// How far from the cloth skin is looked for [m].
 const REACH: f64 = 0.06;
@@ -31,6 +31,7 @@ pub struct Skinned<'a> {
     soft: Vec<bool>,
     /// All of the skin.
     range: std::ops::Range<usize>,
+    cores: Cores<'a>,
 }
 
 impl<'a> Skinned<'a> {
@@ -69,6 +70,7 @@ impl<'a> Skinned<'a> {
                 verts.iter().map(|v| soft[*v as usize]).collect()
             },
             range: avatar.part(Part::Body),
+            cores: Cores::new(avatar, figure),
             avatar,
             figure,
             verts,
@@ -93,7 +95,12 @@ impl<'a> Skinned<'a> {
         let posed = self.avatar.pose(self.figure, &over_origin(pose));
         let skin = &posed.verts[self.range.clone()];
         let here: Vec<DVec3> = self.verts.iter().map(|v| skin[*v as usize]).collect();
-        let way = (self.surface.verts(), here.as_slice());
+        let cores = self.cores.posed(&posed.bones);
+        let here = Frame {
+            skin: here,
+            cores: self.verts.iter().map(|v| cores[*v as usize]).collect(),
+        };
+        let way = (self.surface.verts(), &here);
         let relief = relieve(way, self.surface.faces(), ROOM, &self.soft);
         relief
             .verts

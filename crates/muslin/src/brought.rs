@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use muslin_body::{Avatar, Part, Shape};
+use muslin_body::{Avatar, Cores, Pose, Shape};
 use muslin_garment::{Garment, GarmentError};
 use muslin_io::{garmentcode, read_file, read_obj};
 use muslin_sim::{Options, SimError, drape};
@@ -10,7 +10,7 @@ use muslin_sim::{Options, SimError, drape};
 use crate::drape::{cloth, put_on};
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
-use crate::figure::body_failure;
+use crate::figure::{body_failure, body_frame};
 use crate::outfit::{Outfit, Piece};
 
 /// The garments of a file, innermost first, and what there is to say about them.
@@ -47,7 +47,8 @@ pub(crate) fn rest(avatar: &Avatar, piece: Piece) -> Result<(Piece, Vec<String>)
     let figure = avatar
         .figure(&Shape::default())
         .map_err(|e| body_failure(&e))?;
-    let skin = figure.verts[avatar.part(Part::Body)].to_vec();
+    let cores = Cores::new(avatar, &figure);
+    let body = body_frame(avatar, &avatar.pose(&figure, &Pose::rest(avatar)), &cores);
     let outfit = Outfit {
         pieces: vec![piece],
     };
@@ -58,7 +59,7 @@ pub(crate) fn rest(avatar: &Avatar, piece: Piece) -> Result<(Piece, Vec<String>)
         ..Options::default()
     };
     let numbers = |e: SimError| Failure::new(Exit::Numbers, "garment", e.to_string());
-    let body = (&[skin][..], avatar.collision_faces());
+    let body = (&[body][..], avatar.collision_faces());
     let settled = drape(&cloth, &worn[0].verts, body, &options).map_err(numbers)?;
     let mut told = Vec::new();
     let (inside, crossed) = (settled.body_intersections, settled.self_crossings);

@@ -1,9 +1,9 @@
 //! A body to dress: who, how they stand, and how they get there from the rest pose.
 
 use glam::DVec3;
-use muslin_body::{Avatar, BodyError, Figure, Part, Pose, Posed, Shape};
+use muslin_body::{Avatar, BodyError, Cores, Figure, Limbs, Part, Pose, Posed, Shape};
 use muslin_geom::{Mesh, self_intersections};
-use muslin_sim::relieve;
+use muslin_sim::{Frame, relieve};
 
 use crate::failure::{Exit, Failure};
 
@@ -29,9 +29,8 @@ impl Sitter {
         let figure = avatar.figure(shape).map_err(|e| body_failure(&e))?;
         pose.relax_hands(avatar, &figure)
             .map_err(|e| body_failure(&e))?;
-        let turned = pose
-            .make_room(avatar, &figure, ROOM)
-            .map_err(|e| body_failure(&e))?;
+        let limbs = Limbs::new(avatar, ROOM).map_err(|e| body_failure(&e))?;
+        let turned = limbs.make_room(&mut pose, avatar, &figure);
         let unfolded = unfold(avatar, &figure, &mut pose).map_err(|e| body_failure(&e))?;
         let posed = avatar.pose(&figure, &pose);
         if posed.verts.iter().any(|v| !v.is_finite()) {
@@ -57,10 +56,10 @@ impl Sitter {
         other
     }
 
-    /// The skin's vertices [m] on the way from the rest pose to the pose, both included.
+    /// The body on the way from the rest pose to the pose, both included.
     ///
     /// The way eases in and out, and no joint turns by more than `most` radians a step.
-    pub fn path(&self, avatar: &Avatar, most: f64) -> Vec<Vec<DVec3>> {
+    pub fn path(&self, avatar: &Avatar, most: f64) -> Vec<Frame> {
         let rest = Pose::rest(avatar);
         let turns = self
             .pose
@@ -72,13 +71,21 @@ impl Sitter {
             .fold(0.0, f64::max);
         // Easing makes the middle of the way half as fast again as its mean.
         let steps = ((1.5 * widest / most).ceil() as usize).clamp(8, 60);
-        let skin = avatar.part(Part::Body);
+        let cores = Cores::new(avatar, &self.figure);
         let frame = |i: usize| {
             let t = i as f64 / steps as f64;
             let pose = rest.toward(&self.pose, t * t * (3.0 - 2.0 * t));
-            avatar.pose(&self.figure, &pose).verts[skin.clone()].to_vec()
+            body_frame(avatar, &avatar.pose(&self.figure, &pose), &cores)
         };
         (0..=steps).map(frame).collect()
+    }
+}
+
+/// A posed figure as the solver meets it.
+pub(crate) fn body_frame(avatar: &Avatar, posed: &Posed, cores: &Cores<'_>) -> Frame {
+    Frame {
+        skin: posed.verts[avatar.part(Part::Body)].to_vec(),
+        cores: cores.posed(&posed.bones),
     }
 }
 
@@ -157,9 +164,11 @@ impl Fold {
     fn seen(avatar: &Avatar, (figure, pose): (&Figure, &Pose), bones: &[usize]) -> Fold {
         let skin = avatar.part(Part::Body);
         let posed = avatar.pose(figure, pose);
-        let (rest, now) = (&figure.verts[skin.clone()], &posed.verts[skin]);
-        let faces = avatar.collision_faces();
-        let relief = relieve((rest, now), faces, ROOM, &vec![true; rest.len()]);
+        let (rest, faces) = (&figure.verts[skin.clone()], avatar.collision_faces());
+        // Straight in: where that leads astray, the fold is too deep.
+        let body = Frame::from(posed.verts[skin].to_vec());
+        let relief = relieve((rest, &body), faces, ROOM, &vec![true; rest.len()]);
+        let now = &body.skin;
         let joint = |b: &usize| posed.bones[*b].transform_point3(figure.joints[*b]);
         let joints: Vec<DVec3> = bones.iter().map(joint).collect();
         let nearest = |p: DVec3| {

@@ -6,7 +6,7 @@ use glam::DVec3;
 use muslin_body::Pose;
 use muslin_geom::{Mesh, Surface, intersecting_pairs};
 use muslin_model::{Model, Player};
-use muslin_sim::{Options, Settled, drape};
+use muslin_sim::{Frame, Options, Settled, drape};
 use rayon::prelude::*;
 
 use crate::failure::{Exit, Failure};
@@ -104,21 +104,21 @@ impl Solved {
 
 fn one(set: &Set, (k, x): (usize, &[DVec3]), refine: usize) -> Result<Solved, Failure> {
     let since = Instant::now();
-    let skin = set.skin(set.moving.lead + k);
+    let body = set.frame(set.moving.lead + k);
     if refine == 0 {
         let raw = Settled {
-            body_intersections: meeting(set, x, &skin),
+            body_intersections: meeting(set, x, &body.skin),
             verts: x.to_vec(),
-            body: skin,
+            body: body.skin,
             ..Settled::default()
         };
         return Ok(Solved::new(raw, since, false));
     }
-    let first = refined(set, x, (&skin, refine))?;
+    let first = refined(set, x, (&body, refine))?;
     if faults(&first) == 0 {
         return Ok(Solved::new(first, since, false));
     }
-    let next = refined(set, &first.verts, (&skin, AGAIN.max(refine)))?;
+    let next = refined(set, &first.verts, (&body, AGAIN.max(refine)))?;
     let best = if faults(&next) < faults(&first) {
         next
     } else {
@@ -138,7 +138,7 @@ fn reach(set: &Set, k: usize, solved: &mut [Solved]) -> Result<(), Failure> {
         Some(j) => (&solved[j].cloth, (k..=j).rev().map(|i| lead + i).collect()),
         None => (&set.start, (0..=lead + k).collect()),
     };
-    let path: Vec<Vec<DVec3>> = way.into_iter().map(|i| set.skin(i)).collect();
+    let path: Vec<Frame> = way.into_iter().map(|i| set.frame(i)).collect();
     let settled = solve(set, start, (&path, AGAIN))?;
     if faults(&settled) < solved[k].faults {
         solved[k] = Solved::new(settled, since, true);
@@ -154,16 +154,17 @@ fn faults(s: &Settled) -> usize {
 pub(crate) fn refined(
     set: &Set,
     x: &[DVec3],
-    (skin, k): (&[DVec3], usize),
+    (body, k): (&Frame, usize),
 ) -> Result<Settled, Failure> {
-    solve(set, x, (&[skin.to_vec()], k))
+    solve(set, x, (std::slice::from_ref(body), k))
 }
 
-fn solve(set: &Set, x: &[DVec3], (path, k): (&[Vec<DVec3>], usize)) -> Result<Settled, Failure> {
+fn solve(set: &Set, x: &[DVec3], (path, k): (&[Frame], usize)) -> Result<Settled, Failure> {
     let options = Options {
         first_steps: 0,
         last_steps: k,
         still: 0.0,
+        tugs: 0,
         ..Options::default()
     };
     let settled = drape(

@@ -149,12 +149,12 @@ fn one_clip(
     let all = raw.frames.len();
     let mut tiers: [Tier; 4] = Default::default();
     for k in (0..n).map(|i| (2 * i + 1) * all / (2 * n)) {
-        let skin = set.skin(set.moving.lead + k);
-        tiers[0].add(&set.cloth, (&skinned.frames[k], &skin));
-        tiers[1].add(&set.cloth, (&raw.frames[k], &skin));
-        let near = refined(&set, &raw.frames[k], (&skin, REFINE))?;
+        let body = set.frame(set.moving.lead + k);
+        tiers[0].add(&set.cloth, (&skinned.frames[k], &body.skin));
+        tiers[1].add(&set.cloth, (&raw.frames[k], &body.skin));
+        let near = refined(&set, &raw.frames[k], (&body, REFINE))?;
         tiers[2].settled(&set.cloth, &near);
-        let rest = refined(&set, &near.verts, (&skin, CONVERGED))?;
+        let rest = refined(&set, &near.verts, (&body, CONVERGED))?;
         tiers[3].settled(&set.cloth, &rest);
     }
     let name = muslin_io::name(Path::new(clip.file_stem().unwrap_or_default()));

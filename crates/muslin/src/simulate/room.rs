@@ -1,23 +1,16 @@
 //! Room for cloth all along a motion: limbs that graze the body are led a little off, and back.
 
 use glam::{DQuat, DVec3};
-use muslin_body::{Avatar, BodyError, Figure, Motion, Pose};
+use muslin_body::{Avatar, BodyError, Figure, Limbs, Motion, Pose};
 use rayon::prelude::*;
 
 use crate::figure::ROOM;
 
 /// Looks a second.
 const LOOKS: f64 = 10.0;
-/// Joints that [`Pose::make_room`] turns.
-const TURNING: [&str; 4] = [
-    "upperleg01.L",
-    "upperleg01.R",
-    "upperarm01.L",
-    "upperarm01.R",
-];
 
-/// What each of the joints turns by, as axis times angle [rad].
-type Turns = [DVec3; TURNING.len()];
+/// What each limb turns by, as axis times angle [rad].
+type Turns = Vec<DVec3>;
 
 /// Turns thighs and upper arms where a motion leads feet, shins, hands or forearms into the body;
 /// says by how much at most [rad].
@@ -25,15 +18,14 @@ type Turns = [DVec3; TURNING.len()];
 /// The body is looked at ten times a second. A turn is there from one look before it is needed to
 /// one look after, and grows and fades over a look more, so that no limb jumps.
 pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Result<f64, BodyError> {
-    let bones = TURNING.map(|name| avatar.bone(name));
-    let bones: Vec<usize> = bones.into_iter().collect::<Result<_, _>>()?;
+    let limbs = Limbs::new(avatar, ROOM)?;
     let stride = (motion.fps / LOOKS).round().max(1.0) as usize;
     let last = motion.poses.len().saturating_sub(1);
     let looks: Vec<usize> = (0..=last.div_ceil(stride))
         .map(|k| (k * stride).min(last))
         .collect();
-    let look = |&k: &usize| turns(avatar, figure, (&motion.poses[k], &bones));
-    let needed: Vec<Turns> = looks.par_iter().map(look).collect::<Result<_, _>>()?;
+    let look = |&k: &usize| turns(&limbs, (avatar, figure), &motion.poses[k]);
+    let needed: Vec<Turns> = looks.par_iter().map(look).collect();
     let led = faded(&held(&needed));
     let largest = led.iter().flatten().map(|t| t.length());
     let largest = largest.fold(0.0, f64::max);
@@ -41,7 +33,7 @@ pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Resul
         for (k, pose) in motion.poses.iter_mut().enumerate() {
             let (at, t) = (k / stride, (k % stride) as f64 / stride as f64);
             let next = (at + 1).min(led.len() - 1);
-            for (j, &b) in bones.iter().enumerate() {
+            for (j, b) in limbs.bones().enumerate() {
                 let turn = led[at][j].lerp(led[next][j], t);
                 if turn == DVec3::ZERO {
                     continue;
@@ -54,19 +46,15 @@ pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Resul
 }
 
 /// What one pose needs.
-fn turns(
-    avatar: &Avatar,
-    figure: &Figure,
-    (pose, bones): (&Pose, &[usize]),
-) -> Result<Turns, BodyError> {
+fn turns(limbs: &Limbs, (avatar, figure): (&Avatar, &Figure), pose: &Pose) -> Turns {
     let mut freed = pose.clone();
-    freed.make_room(avatar, figure, ROOM)?;
-    Ok(std::array::from_fn(|j| {
-        let (from, to) = (pose.rotations[bones[j]], freed.rotations[bones[j]]);
-        let turn = to * from.inverse();
+    limbs.make_room(&mut freed, avatar, figure);
+    let turn = |b: usize| {
+        let turn = freed.rotations[b] * pose.rotations[b].inverse();
         let shorter = if turn.w < 0.0 { -turn } else { turn };
         shorter.to_scaled_axis()
-    }))
+    };
+    limbs.bones().map(turn).collect()
 }
 
 /// Every turn of the looks before and after as well, the largest where they meet.
@@ -89,7 +77,8 @@ fn around(looks: &[Turns], of: impl Fn(DVec3, DVec3, DVec3) -> DVec3) -> Vec<Tur
     let last = looks.len().saturating_sub(1);
     let one = |k: usize| {
         let (before, after) = (&looks[k.saturating_sub(1)], &looks[(k + 1).min(last)]);
-        std::array::from_fn(|j| of(before[j], looks[k][j], after[j]))
+        let now = looks[k].iter().enumerate();
+        now.map(|(j, now)| of(before[j], *now, after[j])).collect()
     };
     (0..looks.len()).map(one).collect()
 }
@@ -121,7 +110,8 @@ mod tests {
         assert_eq!(motion.poses[0], before.poses[0]);
         assert_eq!(motion.poses[40], before.poses[40]);
         let mut rest = motion.poses[20].clone();
-        let left = rest.make_room(&avatar, &figure, ROOM).expect("limbs");
+        let limbs = Limbs::new(&avatar, ROOM).expect("limbs");
+        let left = limbs.make_room(&mut rest, &avatar, &figure);
         assert!(left < 0.3 * turned, "{left} of {turned}");
         let step = |m: &Motion| {
             let pairs = m.poses.windows(2);

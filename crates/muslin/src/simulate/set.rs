@@ -1,13 +1,14 @@
 //! Everything that a simulation starts from: who, how they move, what they wear.
 
 use glam::DVec3;
-use muslin_body::{Avatar, Figure, Part};
+use muslin_body::{Avatar, Cores, Figure, Part};
 use muslin_geom::Drape;
 use muslin_io::{Clip, sha256};
-use muslin_sim::Cloth;
+use muslin_sim::{Cloth, Frame};
 
 use crate::drape::{cloth, put_on};
 use crate::failure::Failure;
+use crate::figure::body_frame;
 use crate::outfit::Outfit;
 
 use super::motion::Moving;
@@ -19,6 +20,7 @@ pub struct Set<'a> {
     pub avatar: &'a Avatar,
     /// The body at rest.
     pub figure: Figure,
+    cores: Cores<'a>,
     /// How it moves.
     pub moving: Moving,
     /// What it wears.
@@ -41,6 +43,7 @@ impl<'a> Set<'a> {
         Ok(Self {
             cloth: cloth(&outfit, &worn),
             start: worn.into_iter().flat_map(|w| w.verts).collect(),
+            cores: Cores::new(avatar, &figure),
             avatar,
             figure,
             moving,
@@ -52,6 +55,12 @@ impl<'a> Set<'a> {
     pub fn skin(&self, k: usize) -> Vec<DVec3> {
         let posed = self.avatar.pose(&self.figure, &self.moving.motion.poses[k]);
         posed.verts[self.avatar.part(Part::Body)].to_vec()
+    }
+
+    /// The body in a pose of the motion, the lead-in counted, as the solver meets it.
+    pub fn frame(&self, k: usize) -> Frame {
+        let posed = self.avatar.pose(&self.figure, &self.moving.motion.poses[k]);
+        body_frame(self.avatar, &posed, &self.cores)
     }
 
     /// The skin at rest [m].

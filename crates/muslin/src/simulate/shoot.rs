@@ -26,7 +26,7 @@ pub fn shoot(set: &Set, (part, resume): (&Path, bool), watch: &mut Watch) -> Res
     if take.reel.len() == set.moving.frames() {
         return Ok(take.reel);
     }
-    let (rest, at) = (set.rest(), |k: usize| set.skin(k));
+    let (rest, at) = (set.rest(), |k: usize| set.frame(k));
     let walk = Walk {
         faces: set.avatar.collision_faces(),
         rest: &rest,

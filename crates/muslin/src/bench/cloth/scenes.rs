@@ -243,15 +243,19 @@ pub fn drum(radius: f64, top: f64) -> Still {
     Still { verts, faces }
 }
 
+/// Stiffness of the clamp that holds a sample, per vertex [N/m].
+const CLAMP: f64 = 100.0;
+
 /// The cloth at rest under its weight, from `start`; no vertex then moves faster than `still` [m/s].
 pub fn at_rest(cloth: &Cloth, start: &[DVec3], on: &Still, still: f64) -> Vec<DVec3> {
     let options = Options {
         first_steps: 0,
         last_steps: 4000,
         still,
+        pin: CLAMP,
         ..Options::default()
     };
-    let path = [on.verts.clone()];
+    let path = [on.verts.clone().into()];
     let settled = drape(cloth, start, (&path, &on.faces), &options);
     settled.map_or_else(|_| Vec::new(), |s| s.verts)
 }
@@ -269,10 +273,11 @@ pub fn film(
         frames: frames + 1,
         lead: 0,
         fps: 60.0,
-        at: &|_| on.verts.clone(),
+        at: &|_| on.verts.clone().into(),
     };
     let options = Options {
         gravity,
+        pin: CLAMP,
         ..Options::default()
     };
     let mut shots = vec![from.verts.clone()];

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     cloth::{SimError, finite, same},
-    relief::{relieve, within},
+    relief::{Frame, relieve, within},
     simulate::Walk,
 };
 
@@ -14,17 +14,17 @@ const STRIDE: usize = 8;
 pub(crate) const AROUND: f64 = 0.03;
 
 /// Where every vertex of the skin has drawn back to from where it was posed [m], at two looks.
-pub(crate) struct Flesh<'a> {
+pub(crate) struct Dents<'a> {
     walk: &'a Walk<'a>,
     worn_on: Vec<bool>,
     room: f64,
     looks: [(usize, Vec<DVec3>); 2],
 }
 
-impl<'a> Flesh<'a> {
-    pub fn new(walk: &'a Walk<'a>, worn_on: Vec<bool>, room: f64) -> Flesh<'a> {
+impl<'a> Dents<'a> {
+    pub fn new(walk: &'a Walk<'a>, worn_on: Vec<bool>, room: f64) -> Dents<'a> {
         let nothing = || (usize::MAX, Vec::new());
-        Flesh {
+        Dents {
             walk,
             worn_on,
             room,
@@ -32,12 +32,11 @@ impl<'a> Flesh<'a> {
         }
     }
 
-    /// The body in a frame [m], drawn back where it would press on itself.
-    pub fn frame(&mut self, k: usize) -> Result<Vec<DVec3>, SimError> {
+    /// The body in a frame, drawn back where it would press on itself.
+    pub fn frame(&mut self, k: usize) -> Result<Frame, SimError> {
         let (from, to) = self.around(k);
         let mut body = (self.walk.at)(k);
-        same("body frame", body.len(), self.walk.rest.len())?;
-        finite("body vertex", &body)?;
+        check(&body, self.walk.rest.len())?;
         if self.looks[0].0 != from {
             self.looks.swap(0, 1);
         }
@@ -48,7 +47,7 @@ impl<'a> Flesh<'a> {
         }
         let t = (k - from) as f64 / (to - from).max(1) as f64;
         let [(_, a), (_, b)] = &self.looks;
-        for ((p, a), b) in body.iter_mut().zip(a).zip(b) {
+        for ((p, a), b) in body.skin.iter_mut().zip(a).zip(b) {
             *p += a.lerp(*b, t);
         }
         Ok(body)
@@ -70,9 +69,19 @@ impl<'a> Flesh<'a> {
 
     fn look(&self, k: usize) -> Vec<DVec3> {
         let body = (self.walk.at)(k);
-        let wanted = within(&body, &self.worn_on, AROUND);
+        let wanted = within(&body.skin, &self.worn_on, AROUND);
         let relief = relieve((self.walk.rest, &body), self.walk.faces, self.room, &wanted);
-        let pairs = relief.verts.iter().zip(&body);
+        let pairs = relief.verts.iter().zip(&body.skin);
         pairs.map(|(a, b)| *a - *b).collect()
     }
+}
+
+/// Whether a frame has `n` vertices, all finite, and as many cores or none.
+pub(crate) fn check(frame: &Frame, n: usize) -> Result<(), SimError> {
+    same("body frame", frame.skin.len(), n)?;
+    finite("body vertex", &frame.skin)?;
+    if !frame.cores.is_empty() {
+        same("cores", frame.cores.len(), n)?;
+    }
+    finite("core", &frame.cores)
 }
