@@ -157,14 +157,15 @@ fn a_turn_of_the_whole_body_about_the_vertical_turns_the_cloth_alike() {
 }
 
 #[test]
-fn a_stored_model_comes_back_with_shapes_of_half_precision() {
+fn a_stored_model_comes_back_with_shapes_and_network_of_half_precision() {
     let model = model();
     let back = Model::from_weights(&model.to_weights()).expect("it was just written");
     assert_eq!(
-        (&back.faces, &back.skin, &back.params),
-        (&model.faces, &model.skin, &model.params)
+        (&back.faces, &back.skin, &back.template),
+        (&model.faces, &model.skin, &model.template)
     );
-    for (a, b) in back.modes.iter().zip(&model.modes) {
+    let kept = back.modes.iter().chain(&back.params);
+    for (a, b) in kept.zip(model.modes.iter().chain(&model.params)) {
         assert!((a - b).abs() <= 5e-4 * b.abs() + 1e-7);
     }
     assert_eq!(back.notes.get("garment"), model.notes.get("garment"));

@@ -133,7 +133,10 @@ pub fn garments(
         model.n_verts(),
         bytes as f64 / 1e6,
         model.n_codes(),
-        note("trained_on"),
+        match note("trained_on").split("; ").count() {
+            1 => "one motion".to_owned(),
+            n => format!("{n} motions"),
+        },
         load(),
     ))
 }
