@@ -39,7 +39,7 @@ fn main() {
     let model = model((n, codes, width));
     let mut player = Player::new(&model, &avatar).expect("all bones are the body's");
     let walk = motions::make(&avatar, &figure, "walk", 30.0).expect("a built-in motion");
-    let poses: Vec<&Pose> = walk.poses.iter().step_by(7).take(8).collect();
+    let poses: Vec<&Pose> = walk.poses.iter().step_by(3).take(32).collect();
     let bones: Vec<_> = poses.iter().map(|p| avatar.bones(&figure, p)).collect();
     let mut out = vec![[0.0f32; 3]; n * poses.len()];
     let single = least(|| {

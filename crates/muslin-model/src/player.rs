@@ -9,7 +9,7 @@ use crate::decode::{Affine, Many, One};
 use crate::{Model, ModelError, Reader};
 
 /// Frames that [`Player::frames`] works on together.
-const BATCH: usize = 8;
+const BATCH: usize = 32;
 
 /// Plays a [`Model`]; all memory it needs is taken when it is made.
 #[derive(Clone, Debug)]

@@ -120,7 +120,7 @@ fn frames_together_are_those_one_by_one() {
     let figure = avatar.figure(&Shape::default()).expect("the default shape");
     let model = model();
     let mut player = Player::new(&model, &avatar).expect("the bones are there");
-    let poses: Vec<Pose> = (0..11).map(|k| wave(&avatar, k)).collect();
+    let poses: Vec<Pose> = (0..39).map(|k| wave(&avatar, k % 20)).collect();
     let bones: Vec<_> = poses.iter().map(|p| avatar.bones(&figure, p)).collect();
     let n = model.n_verts();
     let mut together = vec![[0.0f32; 3]; n * poses.len()];
