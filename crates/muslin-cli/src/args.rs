@@ -217,6 +217,12 @@ pub struct Train {
     /// Poses mixed of those of the motions (one's arms with another's trunk), besides them.
     #[arg(long, default_value_t = TrainOptions::default().mixed)]
     pub mixed: usize,
+    /// By how much every bone of a mixed pose is turned at random [degrees].
+    #[arg(long, default_value_t = TrainOptions::default().jitter)]
+    pub jitter: f64,
+    /// Width of the network's two inner layers.
+    #[arg(long, default_value_t = TrainOptions::default().width)]
+    pub width: usize,
     /// Motions that are not learnt from but judged at the end, named as with --motion.
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub check: Vec<String>,
@@ -427,6 +433,8 @@ impl Train {
             },
             poses: self.poses,
             mixed: self.mixed,
+            jitter: self.jitter,
+            width: self.width,
             check: self.check.clone(),
             steps: self.steps,
             codes: self.codes,

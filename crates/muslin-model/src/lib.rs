@@ -7,6 +7,8 @@
 //! `x = Σ w_b A_b (template + M z(pose))`: a small network reads the pose and mixes a few tens of
 //! learnt shapes of the cloth (the rows of `M`), which are then skinned like the body.
 
+mod blocks;
+mod decode;
 mod describe;
 mod error;
 mod model;

@@ -2,11 +2,14 @@
 
 use glam::DAffine3;
 use muslin_body::{Avatar, Pose};
+use muslin_net::learn::{Linear, Nonlinear};
 
+use crate::blocks::{Blocks, Wide};
+use crate::decode::{Affine, Many, One};
 use crate::{Model, ModelError, Reader};
 
-/// Vertices that are computed side by side.
-const WIDE: usize = 16;
+/// Frames that [`Player::frames`] works on together.
+const BATCH: usize = 32;
 
 /// Plays a [`Model`]; all memory it needs is taken when it is made.
 #[derive(Clone, Debug)]
@@ -15,17 +18,16 @@ pub struct Player {
     scale: Vec<[f32; 2]>,
     /// Layers: weights by input, then output; bias.
     layers: Vec<Layer>,
-    bend: muslin_net::learn::Nonlinear,
-    /// Rows of `M`, for 16 vertices at a time: `[group][axis][code][vertex]`.
-    modes: Vec<[f32; WIDE]>,
-    template: Vec<[f32; 3]>,
-    skin: crate::Skin,
+    bend: Nonlinear,
+    blocks: Blocks,
     /// The model's bones in the avatar's rig.
     rig: Vec<usize>,
     input: Vec<f32>,
     hidden: [Vec<f32>; 2],
-    code: Vec<f32>,
-    affine: Vec<[f32; 12]>,
+    /// Codes and bones of a batch.
+    codes: Vec<f32>,
+    affine: Vec<Affine>,
+    room: Vec<Wide>,
 }
 
 #[derive(Clone, Debug)]
@@ -49,107 +51,122 @@ impl Player {
             .map(find)
             .collect::<Result<Vec<_>, _>>()?;
         let widest = model.encoder.widths.iter().copied().max().unwrap_or(0);
+        let blocks = Blocks::new(model);
         Ok(Self {
             input: vec![0.0; reader.n_inputs()],
             reader,
             scale: model.scale.clone(),
             layers: layers(model),
             bend: model.encoder.bend,
-            modes: packed(&model.modes, model.n_codes()),
-            template: model.template.clone(),
-            skin: model.skin.clone(),
-            affine: vec![[0.0; 12]; rig.len()],
+            affine: vec![[0.0; 12]; BATCH * rig.len()],
             rig,
             hidden: [vec![0.0; widest], vec![0.0; widest]],
-            code: vec![0.0; model.n_codes()],
+            codes: vec![0.0; BATCH * blocks.n_codes],
+            room: vec![Wide::default(); 3 * blocks.n_codes],
+            blocks,
         })
     }
 
     /// How many vertices a frame has.
     pub fn n_verts(&self) -> usize {
-        self.template.len()
+        self.blocks.n_verts
     }
 
     /// The cloth [m] in a pose; `bones` is `world_from_rest` of all of the rig, as
-    /// [`Avatar::bones`] gives it.
+    /// [`Avatar::bones`] gives it. `out` has one entry per vertex.
     pub fn frame(&mut self, pose: &Pose, bones: &[DAffine3], out: &mut [[f32; 3]]) {
+        self.read((pose, bones), 0);
+        pulp::Arch::new().dispatch(One {
+            blocks: &self.blocks,
+            codes: &self.codes[..self.blocks.n_codes],
+            bones: &self.affine[..self.rig.len()],
+            out,
+        });
+    }
+
+    /// The cloth [m] in several poses, as [`Player::frame`] gives it one by one, in less time.
+    ///
+    /// `out` has one entry per vertex of each pose, pose after pose.
+    pub fn frames(&mut self, poses: &[(&Pose, &[DAffine3])], out: &mut [[f32; 3]]) {
+        let lots = out.chunks_mut(BATCH * self.n_verts().max(1));
+        for (poses, out) in poses.chunks(BATCH).zip(lots) {
+            for (slot, pose) in poses.iter().enumerate() {
+                self.read(*pose, slot);
+            }
+            pulp::Arch::new().dispatch(Many {
+                blocks: &self.blocks,
+                codes: &self.codes[..poses.len() * self.blocks.n_codes],
+                bones: &self.affine[..poses.len() * self.rig.len()],
+                room: &mut self.room,
+                out,
+            });
+        }
+    }
+
+    /// Codes and bones of a pose into a slot of the batch.
+    fn read(&mut self, (pose, bones): (&Pose, &[DAffine3]), slot: usize) {
         self.reader.read(pose, bones, &mut self.input);
         for (x, [mean, scale]) in self.input.iter_mut().zip(&self.scale) {
             *x = (*x - mean) * scale;
         }
-        for (a, &b) in self.affine.iter_mut().zip(&self.rig) {
+        let n = self.rig.len();
+        let own = &mut self.affine[slot * n..(slot + 1) * n];
+        for (a, &b) in own.iter_mut().zip(&self.rig) {
             *a = bones[b].to_cols_array().map(|x| x as f32);
         }
         pulp::Arch::new().dispatch(
             #[inline(always)]
-            || {
-                self.encode();
-                self.decode(out);
-            },
+            || self.encode(slot),
         );
     }
 
     #[inline(always)]
-    fn encode(&mut self) {
+    fn encode(&mut self, slot: usize) {
         let last = self.layers.len() - 1;
         let [mut from, mut to] = std::mem::take(&mut self.hidden);
         from[..self.input.len()].copy_from_slice(&self.input);
         for (k, layer) in self.layers.iter().enumerate() {
             let out = &mut to[..layer.bias.len()];
             out.copy_from_slice(&layer.bias);
-            for (x, row) in from.iter().zip(layer.weights.chunks_exact(out.len())) {
-                out.iter_mut().zip(row).for_each(|(y, w)| *y += w * x);
+            for (lot, rows) in from.chunks(4).zip(layer.weights.chunks(4 * out.len())) {
+                gather(out, lot, rows);
             }
             if k < last {
                 self.bend.forward(out, &mut from[..out.len()]);
             }
         }
-        let n = self.code.len() - 1;
-        self.code[..n].copy_from_slice(&to[..n]);
-        self.code[n] = 1.0;
+        let n = self.blocks.n_codes;
+        let own = &mut self.codes[slot * n..(slot + 1) * n];
+        for ((code, z), worth) in own.iter_mut().zip(&to).zip(&self.blocks.by_code) {
+            *code = z * worth;
+        }
         self.hidden = [from, to];
     }
+}
 
-    #[inline(always)]
-    fn decode(&self, out: &mut [[f32; 3]]) {
-        let n = self.code.len();
-        for (g, out) in out.chunks_mut(WIDE).enumerate() {
-            let group = &self.modes[g * 3 * n..(g + 1) * 3 * n];
-            let mut d = [[0.0f32; WIDE]; 3];
-            for axis in 0..3 {
-                let mut sum = [0.0f32; WIDE];
-                for (row, z) in group[axis * n..(axis + 1) * n].iter().zip(&self.code) {
-                    for i in 0..WIDE {
-                        sum[i] += row[i] * z;
-                    }
-                }
-                d[axis] = sum;
-            }
-            for (i, out) in out.iter_mut().enumerate() {
-                *out = self.skinned(g * WIDE + i, [d[0][i], d[1][i], d[2][i]]);
+/// Adds up to four inputs, each times its row of weights.
+#[inline(always)]
+fn gather(out: &mut [f32], x: &[f32], rows: &[f32]) {
+    let n = out.len();
+    match (x, rows.len() == 4 * n) {
+        ([a, b, c, d], true) => {
+            let (r, s) = (&rows[..n], &rows[n..2 * n]);
+            let (t, u) = (&rows[2 * n..3 * n], &rows[3 * n..]);
+            for i in 0..n {
+                out[i] += (r[i] * a + s[i] * b) + (t[i] * c + u[i] * d);
             }
         }
-    }
-
-    #[inline(always)]
-    fn skinned(&self, v: usize, d: [f32; 3]) -> [f32; 3] {
-        let mut a = [0.0f32; 12];
-        for (b, w) in self.skin.row(v) {
-            let bone = &self.affine[b];
-            for k in 0..12 {
-                a[k] += w * bone[k];
+        _ => {
+            for (x, row) in x.iter().zip(rows.chunks_exact(n)) {
+                out.iter_mut().zip(row).for_each(|(y, w)| *y += w * x);
             }
         }
-        let t = self.template[v];
-        let p = [t[0] + d[0], t[1] + d[1], t[2] + d[2]];
-        let axis = |i: usize| a[i] * p[0] + a[3 + i] * p[1] + a[6 + i] * p[2] + a[9 + i];
-        [axis(0), axis(1), axis(2)]
     }
 }
 
 fn layers(model: &Model) -> Vec<Layer> {
     let mut rest = model.params.as_slice();
-    let one = |l: muslin_net::learn::Linear| {
+    let one = |l: Linear| {
         let (own, later) = rest.split_at(l.n_params());
         rest = later;
         let (w, b) = own.split_at(l.inputs * l.outputs);
@@ -168,18 +185,4 @@ fn layers(model: &Model) -> Vec<Layer> {
         }
     };
     model.encoder.layers().map(one).collect()
-}
-
-fn packed(modes: &[f32], n: usize) -> Vec<[f32; WIDE]> {
-    let n_verts = modes.len() / (3 * n);
-    let mut out = vec![[0.0; WIDE]; n_verts.div_ceil(WIDE) * 3 * n];
-    for v in 0..n_verts {
-        for axis in 0..3 {
-            for k in 0..n {
-                let row = (v / WIDE * 3 + axis) * n + k;
-                out[row][v % WIDE] = modes[(3 * v + axis) * n + k];
-            }
-        }
-    }
-    out
 }

@@ -10,7 +10,7 @@ use crate::{Model, ModelError, Reader, Skin};
 const FORMAT: &str = "muslin-garment 1";
 
 impl Model {
-    /// As arrays; learnt shapes as 16-bit floats, everything else as it is.
+    /// As arrays; learnt shapes and the network as 16-bit floats, everything else as it is.
     pub fn to_weights(&self) -> Weights {
         let mut out = Weights {
             notes: self.notes.clone(),
@@ -59,7 +59,7 @@ impl Model {
         add(
             "encoder.params",
             &[self.params.len()],
-            Numbers::F32(self.params.clone()),
+            Numbers::F16(halves(&self.params)),
         );
         add(
             "modes",

@@ -107,7 +107,8 @@ impl School<'_, '_> {
         let seen = pool.len();
         if seen > 0 {
             let noise = &mut Noise::new(self.options.seed ^ 0x5eed);
-            pool.extend(mixed(avatar, &pool, (self.options.mixed, noise)));
+            let how = (self.options.mixed, self.options.jitter);
+            pool.extend(mixed(avatar, &pool, how, noise));
         }
         let list = sources.iter().map(|s| Value::from(s.as_str()));
         let mut r = Report::default();
@@ -310,7 +311,7 @@ fn thinned(poses: Vec<Pose>, most: usize) -> Vec<Pose> {
 fn one_motion(avatar: &Avatar, figure: &Figure, name: &str) -> Result<(Motion, String), Failure> {
     let options = SimulateOptions {
         motion: name.to_owned(),
-        fps: 30.0,
+        fps: RATE,
         ..SimulateOptions::default()
     };
     let moving = motion::load(avatar, figure, &options)?;

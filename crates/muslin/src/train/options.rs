@@ -19,12 +19,16 @@ pub struct TrainOptions {
     pub poses: usize,
     /// Poses mixed of those of the motions, besides them.
     pub mixed: usize,
+    /// By how much every bone of a mixed pose is turned at random, one deviation [degrees].
+    pub jitter: f64,
     /// Motions that are not learnt from but judged at the end.
     pub check: Vec<String>,
     /// Steps of learning.
     pub steps: u64,
     /// Learnt shapes.
     pub codes: usize,
+    /// Width of the network's two inner layers.
+    pub width: usize,
     /// Where random numbers start.
     pub seed: u64,
     /// Step size of the network, if not the usual one.
@@ -45,9 +49,11 @@ impl Default for TrainOptions {
             motion: motions::NAMES.map(str::to_owned).to_vec(),
             poses: 900,
             mixed: 300,
+            jitter: 0.0,
             check: Vec::new(),
             steps: plan.steps,
             codes: plan.codes,
+            width: plan.hidden[0],
             seed: plan.seed,
             rate: None,
             resume: false,
@@ -63,6 +69,8 @@ impl TrainOptions {
         within("--codes", "", Some(self.codes as f64), (2.0, 512.0))?;
         within("--poses", "", Some(self.poses as f64), (1.0, 1e5))?;
         within("--mixed", "", Some(self.mixed as f64), (0.0, 1e5))?;
+        within("--jitter", "degrees", Some(self.jitter), (0.0, 30.0))?;
+        within("--width", "", Some(self.width as f64), (4.0, 4096.0))?;
         within("--rate", "", self.rate, (1e-6, 0.1))?;
         if self.dress.outfit.len() != 1 {
             let what = format!(
@@ -89,6 +97,7 @@ impl TrainOptions {
         let usual = Plan::default();
         Plan {
             codes: self.codes,
+            hidden: vec![self.width; 2],
             steps: self.steps,
             seed: self.seed,
             rate: self.rate.map_or(usual.rate, |r| r as f32),

@@ -1,0 +1,114 @@
+//! How many frames a second a model plays on one core: `cargo run --release -p muslin-model
+//! --example play [VERTICES [CODES [WIDTH]]]`.
+//!
+//! The model is made up: a tube around the spine and arms, six bones a vertex, random shapes. What
+//! it costs is that of a trained one. Prints the least of many short runs; the posed bones are
+//! given, as an engine gives them.
+
+use std::time::Instant;
+
+use muslin_body::{Avatar, Pose, Shape, motions};
+use muslin_model::{Model, Player, Reader, Skin};
+use muslin_net::learn::{Mlp, Noise, Nonlinear};
+
+/// Bones that the tube lies along.
+const BONES: [&str; 12] = [
+    "upperleg01.L",
+    "root",
+    "spine05",
+    "spine04",
+    "spine03",
+    "spine02",
+    "spine01",
+    "clavicle.L",
+    "shoulder01.L",
+    "upperarm01.L",
+    "upperarm02.L",
+    "lowerarm01.L",
+];
+
+fn main() {
+    let mut args = std::env::args().skip(1).map(|a| a.parse());
+    let mut next = |usual| match args.next() {
+        Some(Ok(n)) => n,
+        _ => usual,
+    };
+    let (n, codes, width) = (next(12_037), next(64), next(128));
+    let avatar = Avatar::embedded().expect("the embedded body is sound");
+    let figure = avatar.figure(&Shape::default()).expect("the default shape");
+    let model = model((n, codes, width));
+    let mut player = Player::new(&model, &avatar).expect("all bones are the body's");
+    let walk = motions::make(&avatar, &figure, "walk", 30.0).expect("a built-in motion");
+    let poses: Vec<&Pose> = walk.poses.iter().step_by(3).take(32).collect();
+    let bones: Vec<_> = poses.iter().map(|p| avatar.bones(&figure, p)).collect();
+    let mut out = vec![[0.0f32; 3]; n * poses.len()];
+    let single = least(|| {
+        for ((pose, bones), out) in poses.iter().zip(&bones).zip(out.chunks_mut(n)) {
+            player.frame(pose, bones, out);
+        }
+    });
+    let all: Vec<_> = poses
+        .iter()
+        .copied()
+        .zip(bones.iter().map(Vec::as_slice))
+        .collect();
+    let batched = least(|| player.frames(&all, &mut out));
+    let rate = |seconds: f64| poses.len() as f64 / seconds;
+    println!(
+        "{n} vertices, {codes} codes, width {width}: {:.0} frames a second one by one, {:.0} together",
+        rate(single),
+        rate(batched)
+    );
+}
+
+/// The least time of many runs [s].
+fn least(mut job: impl FnMut()) -> f64 {
+    let mut best = f64::INFINITY;
+    for _ in 0..600 {
+        let since = Instant::now();
+        job();
+        best = best.min(since.elapsed().as_secs_f64());
+    }
+    best
+}
+
+fn model((n, codes, width): (usize, usize, usize)) -> Model {
+    let mut noise = Noise::new(3);
+    let names = BONES.map(str::to_owned).to_vec();
+    let encoder = Mlp {
+        widths: vec![Reader::n_inputs_of(names.len()), width, width, codes - 1],
+        bend: Nonlinear::Silu,
+        bias: true,
+    };
+    let mut skin = Skin {
+        starts: vec![0],
+        ..Skin::default()
+    };
+    for v in 0..n {
+        let at = (BONES.len() - 1) as f64 * v as f64 / n as f64;
+        let first = (at as usize).saturating_sub(2).min(BONES.len() - 6);
+        let near = |b: usize| (-0.5 * (b as f64 - at).powi(2)).exp();
+        let sum: f64 = (first..first + 6).map(near).sum();
+        for b in first..first + 6 {
+            skin.bones.push(b as u8);
+            skin.weights.push((near(b) / sum) as f32);
+        }
+        skin.starts.push(skin.bones.len() as u32);
+    }
+    Model {
+        notes: Default::default(),
+        faces: vec![[0, 1, 2]],
+        template: vec![[0.1, 1.2, 0.1]; n],
+        bones: names.clone(),
+        skin,
+        scale: vec![[0.0, 1.0]; encoder.widths[0]],
+        drivers: names,
+        params: encoder.start(&mut noise),
+        encoder,
+        modes: noise
+            .normals(3 * n * codes)
+            .iter()
+            .map(|x| 0.01 * x)
+            .collect(),
+    }
+}
