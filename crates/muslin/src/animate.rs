@@ -10,7 +10,7 @@ use muslin_geom::{Report, Value};
 use muslin_io::{read_file, read_weights};
 use muslin_model::{Model, ModelError};
 
-use crate::dress::{asked_shape, file_failure};
+use crate::dress::{asked_figure, file_failure};
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
 use crate::options::{DressOptions, Wear};
@@ -139,18 +139,12 @@ impl Theatre<'_, '_> {
         model: &Model,
         simulate: &SimulateOptions,
     ) -> Result<Set<'a>, Failure> {
-        let shape = asked_shape(avatar, &simulate.dress)?;
-        let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
-        let measures = avatar.measure(&figure);
-        self.report.set("body", tell::body(&shape, &measures));
-        self.done(1, "body", tell::measures(&measures))?;
+        let (figure, report, told) = asked_figure(avatar, &simulate.dress)?;
+        self.report.set("body", report);
+        self.done(1, "body", told)?;
         let mut moving = motion::load(avatar, &figure, simulate)?;
         self.warn(std::mem::take(&mut moving.warnings));
-        let mut r = Report::default();
-        r.set("name", moving.name.as_str())
-            .set("frames", moving.frames());
-        r.set("frames_per_second", moving.motion.fps);
-        self.report.set("motion", r);
+        self.report.set("motion", moving.report());
         let told = format!(
             "{}: {} frames at {} a second",
             moving.name,

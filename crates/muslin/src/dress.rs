@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use muslin_body::{Avatar, Pose, Shape};
+use muslin_body::{Avatar, Figure, Pose, Shape};
 use muslin_fit::Camera;
 use muslin_fit::detect::{Found, Models, Person as Seen, find_people};
 use muslin_fit::solve::{Fit, FitOptions, Fitter};
@@ -99,6 +99,18 @@ pub(crate) fn asked_shape(avatar: &Avatar, options: &DressOptions) -> Result<Sha
         (None, None) => Ok(shape),
     };
     shape.map_err(|e| body_failure(&e))
+}
+
+/// That body at rest, what the report says of it, and the line for the user.
+pub(crate) fn asked_figure(
+    avatar: &Avatar,
+    options: &DressOptions,
+) -> Result<(Figure, Report, String), Failure> {
+    let shape = asked_shape(avatar, options)?;
+    let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
+    let measures = avatar.measure(&figure);
+    let report = tell::body(&shape, &measures);
+    Ok((figure, report, tell::measures(&measures)))
 }
 
 /// Who to expect before the photo is looked at.

@@ -17,7 +17,7 @@ use muslin_body::{Avatar, Figure};
 use muslin_geom::{Report, Value};
 use muslin_io::Journal;
 
-use crate::dress::{asked_shape, file_failure};
+use crate::dress::{asked_figure, file_failure};
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
 use crate::outcome::Outcome;
@@ -87,11 +87,9 @@ impl Run<'_, '_> {
     }
 
     fn body(&mut self, avatar: &Avatar) -> Result<Figure, Failure> {
-        let shape = asked_shape(avatar, &self.options.dress)?;
-        let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
-        let measures = avatar.measure(&figure);
-        self.report.set("body", tell::body(&shape, &measures));
-        self.done(1, "body", tell::measures(&measures))?;
+        let (figure, report, told) = asked_figure(avatar, &self.options.dress)?;
+        self.report.set("body", report);
+        self.done(1, "body", told)?;
         Ok(figure)
     }
 
@@ -100,15 +98,8 @@ impl Run<'_, '_> {
         self.warn(std::mem::take(&mut moving.warnings));
         let (n, fps) = (moving.frames(), moving.motion.fps);
         let seconds = n as f64 / fps;
-        let mut r = Report::default();
-        r.set("name", moving.name.as_str());
-        if let Some(hash) = &moving.sha256 {
-            r.set("sha256", hash.as_str());
-        }
+        let mut r = moving.report();
         r.set("start_s", self.options.start).set("seconds", seconds);
-        r.set("frames", n).set("frames_per_second", fps);
-        let turned = moving.turned.to_degrees();
-        r.set("limbs_turned_deg", (turned * 100.0).round() / 100.0);
         r.set("frames_of_lead_in", moving.lead);
         self.report.set("motion", r);
         let told = format!(

@@ -15,7 +15,7 @@ use muslin_sim::Cloth;
 use muslin_train::{Lesson, Plan, Told, TrainError, Trainer, diffused, mixed, sampled};
 
 use crate::drape::{cloth, put_on};
-use crate::dress::{asked_shape, file_failure};
+use crate::dress::{asked_figure, file_failure};
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
 use crate::outcome::Outcome;
@@ -80,11 +80,9 @@ impl School<'_, '_> {
     }
 
     fn body(&mut self, avatar: &Avatar) -> Result<Figure, Failure> {
-        let shape = asked_shape(avatar, &self.options.dress)?;
-        let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
-        let measures = avatar.measure(&figure);
-        self.report.set("body", tell::body(&shape, &measures));
-        self.done(1, "body", tell::measures(&measures))?;
+        let (figure, report, told) = asked_figure(avatar, &self.options.dress)?;
+        self.report.set("body", report);
+        self.done(1, "body", told)?;
         Ok(figure)
     }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use muslin_body::{Avatar, Figure, Motion, Pose, motions, names, retarget};
+use muslin_geom::Report;
 use muslin_io::{bvh, read_file, read_poses};
 use rayon::prelude::*;
 
@@ -32,6 +33,20 @@ impl Moving {
     /// How many frames are delivered.
     pub fn frames(&self) -> usize {
         self.motion.poses.len() - self.lead
+    }
+
+    /// What the report says of it.
+    pub fn report(&self) -> Report {
+        let mut r = Report::default();
+        r.set("name", self.name.as_str());
+        if let Some(hash) = &self.sha256 {
+            r.set("sha256", hash.as_str());
+        }
+        r.set("frames", self.frames());
+        r.set("frames_per_second", self.motion.fps);
+        let turned = self.turned.to_degrees();
+        r.set("limbs_turned_deg", (turned * 100.0).round() / 100.0);
+        r
     }
 }
 
