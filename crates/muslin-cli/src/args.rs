@@ -217,9 +217,6 @@ pub struct Train {
     /// Poses mixed of those of the motions (one's arms with another's trunk), besides them.
     #[arg(long, default_value_t = TrainOptions::default().mixed)]
     pub mixed: usize,
-    /// By how much every bone of a mixed pose is turned at random [degrees].
-    #[arg(long, default_value_t = TrainOptions::default().jitter)]
-    pub jitter: f64,
     /// Width of the network's two inner layers.
     #[arg(long, default_value_t = TrainOptions::default().width)]
     pub width: usize,
@@ -433,7 +430,6 @@ impl Train {
             },
             poses: self.poses,
             mixed: self.mixed,
-            jitter: self.jitter,
             width: self.width,
             check: self.check.clone(),
             steps: self.steps,

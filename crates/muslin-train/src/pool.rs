@@ -1,6 +1,6 @@
 //! Poses to learn from.
 
-use glam::{DQuat, DVec3};
+use glam::DQuat;
 use muslin_body::{Avatar, Motion, Pose};
 use muslin_net::learn::Noise;
 
@@ -13,17 +13,11 @@ pub fn sampled(motions: &[Motion], rate: f64) -> Vec<Pose> {
 /// Bones that each part of a body hangs on; what hangs on none of them is the trunk.
 const LIMBS: [&str; 4] = ["clavicle.L", "clavicle.R", "upperleg01.L", "upperleg01.R"];
 
-/// `count` new poses, each with trunk, arms and legs of different ones, half of them mirrored;
-/// then every bone is turned at random, by `jitter` [degrees] on the mean of squares, about each axis.
+/// `count` new poses, each with trunk, arms and legs of different ones, half of them mirrored.
 ///
 /// A recording shows few of the ways in which arms, legs and trunk go together; cloth at a
 /// shoulder hardly asks what the legs do. Limbs may then pass through the body.
-pub fn mixed(
-    avatar: &Avatar,
-    poses: &[Pose],
-    (count, jitter): (usize, f64),
-    noise: &mut Noise,
-) -> Vec<Pose> {
+pub fn mixed(avatar: &Avatar, poses: &[Pose], (count, noise): (usize, &mut Noise)) -> Vec<Pose> {
     let rig = avatar.rig();
     let limbs: Vec<usize> = LIMBS.iter().filter_map(|b| avatar.bone(b).ok()).collect();
     let of = |b: usize| limbs.iter().position(|l| rig.descends(b, *l));
@@ -41,15 +35,11 @@ pub fn mixed(
             };
             pose.rotations[b] = poses[from].rotations[b];
         }
-        let mut pose = match noise.below(2) {
-            0 => pose,
-            _ => mirrored(&pose, &twins),
-        };
-        for q in &mut pose.rotations {
-            let turn = DVec3::from_array(std::array::from_fn(|_| noise.normal()));
-            *q = (*q * DQuat::from_scaled_axis(turn * jitter.to_radians())).normalize();
+        if noise.below(2) == 0 {
+            pose
+        } else {
+            mirrored(&pose, &twins)
         }
-        pose
     };
     (0..count).map(one).collect()
 }
@@ -104,7 +94,7 @@ mod tests {
                 "{p} {q}"
             );
         }
-        let mix = |seed| mixed(&avatar, &walk.poses, (5, 2.0), &mut Noise::new(seed));
+        let mix = |seed| mixed(&avatar, &walk.poses, (5, &mut Noise::new(seed)));
         assert!(mix(1) == mix(1) && mix(1) != mix(2));
     }
 }

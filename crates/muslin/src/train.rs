@@ -105,8 +105,7 @@ impl School<'_, '_> {
         let seen = pool.len();
         if seen > 0 {
             let noise = &mut Noise::new(self.options.seed ^ 0x5eed);
-            let how = (self.options.mixed, self.options.jitter);
-            pool.extend(mixed(avatar, &pool, how, noise));
+            pool.extend(mixed(avatar, &pool, (self.options.mixed, noise)));
         }
         let list = sources.iter().map(|s| Value::from(s.as_str()));
         let mut r = Report::default();

@@ -19,8 +19,6 @@ pub struct TrainOptions {
     pub poses: usize,
     /// Poses mixed of those of the motions, besides them.
     pub mixed: usize,
-    /// By how much every bone of a mixed pose is turned at random, one deviation [degrees].
-    pub jitter: f64,
     /// Motions that are not learnt from but judged at the end.
     pub check: Vec<String>,
     /// Steps of learning.
@@ -49,7 +47,6 @@ impl Default for TrainOptions {
             motion: motions::NAMES.map(str::to_owned).to_vec(),
             poses: 900,
             mixed: 300,
-            jitter: 0.0,
             check: Vec::new(),
             steps: plan.steps,
             codes: plan.codes,
@@ -69,7 +66,6 @@ impl TrainOptions {
         within("--codes", "", Some(self.codes as f64), (2.0, 512.0))?;
         within("--poses", "", Some(self.poses as f64), (1.0, 1e5))?;
         within("--mixed", "", Some(self.mixed as f64), (0.0, 1e5))?;
-        within("--jitter", "degrees", Some(self.jitter), (0.0, 30.0))?;
         within("--width", "", Some(self.width as f64), (4.0, 4096.0))?;
         within("--rate", "", self.rate, (1e-6, 0.1))?;
         if self.dress.outfit.len() != 1 {
