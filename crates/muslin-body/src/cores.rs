@@ -7,6 +7,7 @@
 
 use glam::{DAffine3, DVec3};
 
+use crate::pose::skin;
 use crate::{Avatar, Figure, Part};
 
 /// Cores of a figure at rest.
@@ -35,13 +36,7 @@ impl<'a> Cores<'a> {
 
     /// Where they are [m] once the bones moved by `bones` ([`crate::Posed::bones`]).
     pub fn posed(&self, bones: &[DAffine3]) -> Vec<DVec3> {
-        let moved = |(p, row): (&DVec3, &[(u32, f64)])| {
-            let by = row.iter();
-            by.map(|&(b, w)| bones[b as usize].transform_point3(*p) * w)
-                .sum()
-        };
-        let rows = self.avatar.rig().weights.rows();
-        self.rest.iter().zip(rows).map(moved).collect()
+        skin(&self.rest, self.avatar.rig(), bones)
     }
 }
 

@@ -66,16 +66,18 @@ impl Avatar {
     fn mode_sum(&self, weights: &[f64], n: usize) -> Vec<f32> {
         let stride = 3 * self.n_points();
         let mut sums = vec![0.0f32; 3 * n];
-        for (k, block) in sums.chunks_mut(BLOCK).enumerate() {
-            let start = k * BLOCK;
-            for (m, &w) in weights.iter().enumerate() {
-                let mode = &self.parts.modes[m * stride + start..][..block.len()];
-                let w = w as f32;
-                for (sum, x) in block.iter_mut().zip(mode) {
-                    *sum += w * x;
+        pulp::Arch::new().dispatch(|| {
+            for (k, block) in sums.chunks_mut(BLOCK).enumerate() {
+                let start = k * BLOCK;
+                for (m, &w) in weights.iter().enumerate() {
+                    let mode = &self.parts.modes[m * stride + start..][..block.len()];
+                    let w = w as f32;
+                    for (sum, x) in block.iter_mut().zip(mode) {
+                        *sum += w * x;
+                    }
                 }
             }
-        }
+        });
         sums
     }
 

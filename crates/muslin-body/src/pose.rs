@@ -98,7 +98,7 @@ pub(crate) fn world_from_rest(rig: &Rig, figure: &Figure, pose: &Pose) -> Vec<DA
 }
 
 /// Linear blend skinning: `x' = (Σ w_b A_b) x`.
-fn skin(rest: &[DVec3], rig: &Rig, bones: &[DAffine3]) -> Vec<DVec3> {
+pub(crate) fn skin(rest: &[DVec3], rig: &Rig, bones: &[DAffine3]) -> Vec<DVec3> {
     let rows: Vec<[f64; 12]> = bones.iter().map(DAffine3::to_cols_array).collect();
     let blend = |(x, row): (&DVec3, &[(u32, f64)])| {
         let mut sum = [0.0; 12];

@@ -54,10 +54,11 @@ pub(super) fn sample(image: &Image, square: &Square, n: usize, border: Border) -
     let right = (square.to_picture(DVec2::X) - origin) / n as f64;
     let down = (square.to_picture(DVec2::Y) - origin) / n as f64;
     let mut out = vec![0; n * n * 3];
-    for (i, to) in out.as_chunks_mut().0.iter_mut().enumerate() {
-        let (y, x) = (i / n, i % n);
-        let at = origin + right * x as f64 + down * y as f64;
-        *to = bilinear(image, at, border);
+    for (y, row) in out.chunks_exact_mut(3 * n.max(1)).enumerate() {
+        for (x, to) in row.as_chunks_mut().0.iter_mut().enumerate() {
+            let at = origin + right * x as f64 + down * y as f64;
+            *to = bilinear(image, at, border);
+        }
     }
     out
 }

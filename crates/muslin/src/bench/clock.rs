@@ -21,7 +21,7 @@ impl Timing {
     }
 }
 
-/// Shortest batch that is timed [s]: the system's processor clock ticks in milliseconds.
+/// Shortest batch that is timed [s].
 const BATCH: f64 = 0.05;
 
 /// The least mean wall and processor time of a run over `runs` batches of `job`, after one run
@@ -43,22 +43,25 @@ pub fn least_of<T>(runs: usize, mut job: impl FnMut() -> T) -> Timing {
         }
         best.wall = best.wall.min(since.elapsed().as_secs_f64() * 1e3 / batch);
         if let (Some(a), Some(b)) = (cpu, spent()) {
-            let took = (b - a) / 1e6 / batch;
+            let took = (b - a) / batch;
             best.cpu = Some(best.cpu.map_or(took, |c: f64| c.min(took)));
         }
     }
     best
 }
 
-/// Processor time of all threads so far [ns]; only Linux tells it finely.
+/// Processor time of all threads so far [ms].
+#[cfg(unix)]
 fn spent() -> Option<f64> {
-    let tasks = std::fs::read_dir("/proc/self/task").ok()?;
-    let mut sum = 0.0;
-    for task in tasks {
-        let text = std::fs::read_to_string(task.ok()?.path().join("schedstat")).ok()?;
-        sum += text.split_whitespace().next()?.parse::<f64>().ok()?;
-    }
-    Some(sum)
+    use rustix::time::{ClockId, clock_gettime};
+    let time = clock_gettime(ClockId::ProcessCPUTime);
+    Some(time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 / 1e6)
+}
+
+/// Other systems are not asked.
+#[cfg(not(unix))]
+fn spent() -> Option<f64> {
+    None
 }
 
 /// The load average over the last minute, which tells how much a figure can be trusted.
