@@ -262,9 +262,9 @@ fn share(values: &[f64], rows: [&Row; 3]) -> f64 {
     rows.map(of).iter().sum::<f64>() / 3.0
 }
 
-/// Cut from the tights, remeshed there, laid on the form, and remeshed on it.
+/// Cut from the second skin, remeshed there, laid on the form, and remeshed on it.
 fn mesh(recipe: &Recipe, stand: &Stand) -> Result<(Sheet, Vec<DVec3>), GarmentError> {
-    let sheet = recipe.cut(stand, Sheet::whole(stand.map));
+    let sheet = recipe.cut(stand);
     let on_body = sheet.at(stand.verts);
     let (rough, _) = sheet.remeshed(on_body, 1.1 * recipe.edge().max(0.012), 4);
     let mut x = rough.at(stand.verts);
@@ -275,7 +275,7 @@ fn mesh(recipe: &Recipe, stand: &Stand) -> Result<(Sheet, Vec<DVec3>), GarmentEr
     let tracks = tracks(&plan, &rims, &x);
     net.settle(&plan.form(), &mut x, &tracks, SETTLE);
     let (fine, x) = rough.remeshed(x, recipe.edge(), 6);
-    Ok((fine.bound(stand.verts, &stand.tights())?, x))
+    Ok((fine.bound(stand.verts, &recipe.ground(stand))?, x))
 }
 
 fn tracks(plan: &Plan, rims: &[Rim], x: &[DVec3]) -> Vec<Track> {

@@ -23,5 +23,5 @@ pub use fitting::Tailored;
 pub use garment::{Garment, Rim, Worn};
 pub use outfit::Outfit;
 pub use panels::{Curve, Panel, Seam, SewingPattern};
-pub use recipe::{Cut, Opening, Recipe, Side, Tee, Trousers};
+pub use recipe::{Cut, Dress, Opening, Recipe, Side, Skirt, Tee, Trousers};
 pub use sewing::Sewn;

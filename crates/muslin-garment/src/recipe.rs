@@ -1,8 +1,12 @@
 //! Recipes: what a tailor decides, and how it becomes a form and cuts.
 
+mod dress;
+mod skirt;
 mod tee;
 mod trousers;
 
+pub use dress::Dress;
+pub use skirt::Skirt;
 pub use tee::Tee;
 pub use trousers::Trousers;
 
@@ -13,6 +17,7 @@ use crate::settle::Track;
 use crate::sheet::Sheet;
 use crate::stand::Stand;
 use glam::{DVec2, DVec3};
+use muslin_geom::Surface;
 
 /// How generously a garment is cut.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,6 +38,10 @@ pub enum Recipe {
     Tee(Tee),
     /// Trousers or shorts.
     Trousers(Trousers),
+    /// A skirt.
+    Skirt(Skirt),
+    /// A dress with sleeves.
+    Dress(Dress),
 }
 
 /// Which opening of a garment a rim is.
@@ -79,6 +88,8 @@ impl Recipe {
         match self {
             Recipe::Tee(_) => "tee",
             Recipe::Trousers(_) => "trousers",
+            Recipe::Skirt(_) => "skirt",
+            Recipe::Dress(_) => "dress",
         }
     }
 
@@ -87,6 +98,8 @@ impl Recipe {
         match self {
             Recipe::Tee(r) => r.edge,
             Recipe::Trousers(r) => r.edge,
+            Recipe::Skirt(r) => r.edge,
+            Recipe::Dress(r) => r.top.edge,
         }
     }
 
@@ -95,14 +108,34 @@ impl Recipe {
         match self {
             Recipe::Tee(r) => in_range(&r.figures()),
             Recipe::Trousers(r) => in_range(&r.figures()),
+            Recipe::Skirt(r) => in_range(&r.figures()),
+            Recipe::Dress(r) => in_range(&r.figures()),
         }
     }
 
-    pub(crate) fn cut(&self, stand: &Stand, whole: Sheet) -> Sheet {
+    pub(crate) fn cut(&self, stand: &Stand) -> Sheet {
         match self {
-            Recipe::Tee(r) => r.cut(stand, whole),
-            Recipe::Trousers(r) => r.cut(stand, whole),
+            Recipe::Tee(r) => r.cut(stand),
+            Recipe::Trousers(r) => r.cut(stand),
+            Recipe::Skirt(r) => r.cut(stand),
+            Recipe::Dress(r) => r.cut(stand),
         }
+    }
+
+    /// What the cloth hangs on: tights, a skirt, or each where the cloth is like it.
+    pub(crate) fn ground(&self, stand: &Stand) -> Surface {
+        let map = stand.map;
+        let waist = match self {
+            Recipe::Tee(_) | Recipe::Trousers(_) => f64::MIN,
+            Recipe::Skirt(_) => f64::MAX,
+            Recipe::Dress(_) => stand.skirt_top(),
+        };
+        let above = |f: &&[u32; 3]| f.iter().all(|&i| stand.verts[i as usize].y >= waist);
+        let mut faces: Vec<[u32; 3]> = map.tights.iter().filter(above).copied().collect();
+        if waist > f64::MIN {
+            faces.extend(&map.skirt);
+        }
+        Surface::new(stand.verts, &faces)
     }
 
     /// Measures a body; `tuck` is the height [m] of a waistband that a shirt is tucked into.
@@ -110,6 +143,8 @@ impl Recipe {
         match self {
             Recipe::Tee(r) => Plan::Tee(tee::Plan::new(r, stand, tuck)),
             Recipe::Trousers(r) => Plan::Trousers(trousers::Plan::new(r, stand)),
+            Recipe::Skirt(r) => Plan::Skirt(skirt::Plan::new(r, stand)),
+            Recipe::Dress(r) => Plan::Tee(r.plan(stand)),
         }
     }
 
@@ -126,18 +161,20 @@ impl Recipe {
         let highest = others().all(|p| p.y < m.y);
         let lowest = others().all(|p| p.y > m.y);
         match self {
-            Recipe::Tee(_) if highest => Opening::Neck,
-            Recipe::Tee(_) if lowest => Opening::Hem,
-            Recipe::Tee(_) => Opening::Cuff(Side::of(m)),
-            Recipe::Trousers(_) if highest => Opening::Waist,
+            Recipe::Tee(_) | Recipe::Dress(_) if highest => Opening::Neck,
+            Recipe::Tee(_) | Recipe::Dress(_) if lowest => Opening::Hem,
+            Recipe::Tee(_) | Recipe::Dress(_) => Opening::Cuff(Side::of(m)),
+            Recipe::Trousers(_) | Recipe::Skirt(_) if highest => Opening::Waist,
             Recipe::Trousers(_) => Opening::LegHem(Side::of(m)),
+            Recipe::Skirt(_) => Opening::Hem,
         }
     }
 
     /// The panels' names, in the order of their numbers.
     pub fn panels(&self) -> &'static [&'static str] {
         match self {
-            Recipe::Tee(_) => &["front", "back", "left sleeve", "right sleeve"],
+            Recipe::Tee(_) | Recipe::Dress(_) => &["front", "back", "left sleeve", "right sleeve"],
+            Recipe::Skirt(_) => &["front", "back"],
             Recipe::Trousers(_) => &["front left", "front right", "back left", "back right"],
         }
     }
@@ -147,6 +184,7 @@ impl Recipe {
 pub(crate) enum Plan<'a> {
     Tee(tee::Plan<'a>),
     Trousers(trousers::Plan<'a>),
+    Skirt(skirt::Plan<'a>),
 }
 
 impl Plan<'_> {
@@ -155,6 +193,7 @@ impl Plan<'_> {
         match self {
             Plan::Tee(p) => p.form(),
             Plan::Trousers(p) => p.form(),
+            Plan::Skirt(p) => p.form(),
         }
     }
 
@@ -183,6 +222,7 @@ impl Plan<'_> {
         match self {
             Plan::Tee(p) => p.lay(corners, arm),
             Plan::Trousers(p) => p.lay(corners),
+            Plan::Skirt(p) => p.lay(corners),
         }
     }
 }

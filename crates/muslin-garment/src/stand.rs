@@ -13,6 +13,7 @@ pub(crate) const SIDES: [&str; 2] = ["L", "R"];
 #[derive(Clone, Debug)]
 pub(crate) struct BodyMap {
     pub tights: Vec<[u32; 3]>,
+    pub skirt: Vec<[u32; 3]>,
     pub collision: Vec<[u32; 3]>,
     edges: Vec<[u32; 2]>,
     /// Share of each arm's bones in every vertex.
@@ -89,6 +90,7 @@ impl BodyMap {
             edges: edges(&tights),
             collision: avatar.collision_faces().to_vec(),
             tights,
+            skirt: avatar.skirt_faces().to_vec(),
             arm,
             joints,
             crotch,
@@ -192,8 +194,10 @@ impl<'a> Stand<'a> {
         self.tube(axis, (bottom, top), |i| l[i] + r[i] < 0.5)
     }
 
-    /// The tights mesh on this body.
-    pub fn tights(&self) -> Surface {
-        Surface::new(self.verts, &self.map.tights)
+    /// Height of the skirt's upper edge [m].
+    pub fn skirt_top(&self) -> f64 {
+        let all = self.map.skirt.iter().flatten();
+        all.map(|&i| self.verts[i as usize].y)
+            .fold(f64::MIN, f64::max)
     }
 }

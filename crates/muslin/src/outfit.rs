@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 use muslin_body::{Avatar, names};
-use muslin_garment::{Fabric, Garment, Recipe, Tee, Trousers};
+use muslin_garment::{Dress, Fabric, Garment, Recipe, Skirt, Tee, Trousers};
 use muslin_geom::Part;
 
 use rayon::prelude::*;
@@ -45,7 +45,7 @@ const LONG_SLEEVE: f64 = 1.9;
 const SHORT_LEG: f64 = 0.45;
 
 /// What there is to wear.
-pub(crate) const WARDROBE: [Entry; 4] = [
+pub(crate) const WARDROBE: [Entry; 6] = [
     Entry {
         name: "tee",
         says: "t-shirt with short sleeves and a crew neck",
@@ -77,6 +77,28 @@ pub(crate) const WARDROBE: [Entry; 4] = [
             Recipe::Trousers(Trousers {
                 leg: SHORT_LEG,
                 ..trousers(o)
+            })
+        },
+    },
+    Entry {
+        name: "skirt",
+        says: "flared skirt to the knee, held at the waist",
+        fabric: "cotton-shirting",
+        recipe: |o| {
+            Recipe::Skirt(Skirt {
+                edge: o.edge,
+                ..Skirt::new(o.cut)
+            })
+        },
+    },
+    Entry {
+        name: "dress",
+        says: "dress with short sleeves, taken in at the waist, to the knee",
+        fabric: "cotton-jersey",
+        recipe: |o| {
+            Recipe::Dress(Dress {
+                top: tee(o),
+                ..Dress::new(o.cut)
             })
         },
     },

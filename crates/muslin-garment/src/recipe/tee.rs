@@ -92,10 +92,14 @@ impl Tee {
         }
     }
 
-    pub(crate) fn cut(&self, stand: &Stand, whole: Sheet) -> Sheet {
+    pub(crate) fn cut(&self, stand: &Stand) -> Sheet {
+        self.cut_above(stand, stand.crotch.y + self.hem)
+    }
+
+    /// What of the shirt is above a height [m].
+    pub(super) fn cut_above(&self, stand: &Stand, floor: f64) -> Sheet {
         let v = stand.verts;
-        let floor = stand.crotch.y + self.hem;
-        let mut sheet = whole.cut(v, |p| p.y - floor);
+        let mut sheet = Sheet::whole(stand.map).cut(v, |p| p.y - floor);
         for side in [Side::Left, Side::Right] {
             sheet = sheet.cut(v, |p| self.before_cuff(stand, side, p));
         }
@@ -207,7 +211,11 @@ pub(crate) struct Plan<'a> {
 impl<'a> Plan<'a> {
     /// Measures; `tuck` is the height [m] of a waistband the shirt is tucked into.
     pub fn new(tee: &Tee, stand: &'a Stand<'a>, tuck: Option<f64>) -> Plan<'a> {
-        let trunk = tee.trunk(stand, tuck);
+        Plan::around(tee, stand, tee.trunk(stand, tuck))
+    }
+
+    /// A shirt with another trunk.
+    pub(super) fn around(tee: &Tee, stand: &'a Stand<'a>, trunk: Tube) -> Plan<'a> {
         let sleeves = [Side::Left, Side::Right].map(|side| tee.sleeve_tube(stand, side));
         let lengths = [0, 1].map(|s| sleeves[s].1.max(leaves(&sleeves[s].0, &trunk) + BEYOND_PIT));
         let [(l, _), (r, _)] = sleeves;

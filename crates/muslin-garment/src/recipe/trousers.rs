@@ -74,10 +74,10 @@ impl Trousers {
         ]
     }
 
-    pub(crate) fn cut(&self, stand: &Stand, whole: Sheet) -> Sheet {
+    pub(crate) fn cut(&self, stand: &Stand) -> Sheet {
         let v = stand.verts;
         let (waist, hem) = (stand.crotch.y + self.rise, self.hem(stand));
-        whole
+        Sheet::whole(stand.map)
             .cut(v, |p| waist - p.y)
             .largest()
             .cut(v, |p| p.y - hem)
