@@ -133,6 +133,7 @@ fn drape_inside(
         if !is_caught(cloth, &stage.x) {
             break;
         }
+        stage.slip_pins();
         loosen(&mut stage, &body, go_on)?;
         converged = stage.settle(go_on)?;
     }

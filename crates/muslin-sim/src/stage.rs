@@ -416,6 +416,15 @@ impl<'a> Stage<'a> {
         found.into_iter().flatten().collect()
     }
 
+    /// From now on every pin holds its vertex where it is, as a waistband slips that is pulled.
+    pub fn slip_pins(&mut self) {
+        let skin = carry::Skin::of(&self.body.now);
+        for (p, held) in &mut self.pins {
+            let inverse = self.carrier.frame(*p as usize, &skin).inverse();
+            *held = inverse.transform_point3(self.x[*p as usize]);
+        }
+    }
+
     fn pin_targets(&self) -> Vec<(u32, DVec3)> {
         let at = |&(p, held): &(u32, Held)| {
             (
