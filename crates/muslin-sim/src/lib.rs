@@ -17,6 +17,7 @@ mod body;
 mod carry;
 mod clean;
 mod cloth;
+mod coarse;
 mod crossings;
 mod dents;
 mod drape;

@@ -5,8 +5,8 @@
 //! precision: they multiply displacements, never positions, and only decide how fast the solve
 //! converges; the right-hand side that decides to what stays in double.
 //!
-//! The preconditioner inverts the diagonal blocks and, beside them, the motion of every piece of
-//! cloth as a whole. Without that second part a sheet that nothing holds hardly moves in its own
+//! The preconditioner inverts the diagonal blocks and, beside them, motions of cloth in large parts
+//! ([`crate::coarse`]). Without that second part a sheet that nothing holds hardly moves in its own
 //! plane: its stretch is so much stiffer than its inertia that the iterations run out first.
 
 use glam::{DMat3, DVec3};
@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use crate::{
     bending::Bending,
+    coarse::{Far, Handles},
     ordered::{self, CHUNK},
     pattern::{Pattern, Rows},
 };
@@ -42,8 +43,10 @@ pub(crate) struct Matrix<'a> {
 
 /// What [`Matrix::solve`] should reach, whichever comes first.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Effort {
+pub(crate) struct Effort<'a> {
     pub iterations: usize,
+    /// What moves cloth in parts; without them, every piece moves as a whole.
+    pub handles: Option<&'a Handles>,
     /// Ratio of last to first residual in the preconditioned norm.
     pub tolerance: f64,
 }
@@ -144,51 +147,14 @@ impl<'a> Matrix<'a> {
         })
     }
 
-    /// What moves every piece as a whole: inverses of the sums of its blocks.
-    fn inverse_wholes(&self) -> Vec<DMat3> {
-        let pattern = self.pattern;
-        let rows = ordered::map(pattern.pieces.len(), |i| {
-            let mut sum = DMat3::ZERO;
-            for k in pattern.near.span(i) {
-                sum += DMat3::from_cols_array(&self.blocks[k].map(f64::from));
-            }
-            let far = self
-                .bending
-                .far
-                .span(i)
-                .map(|k| self.bending.far_weights[k]);
-            sum + DMat3::from_diagonal(DVec3::splat(far.sum()))
-        });
-        let mut wholes = vec![DMat3::ZERO; pattern.n_pieces];
-        for (piece, row) in pattern.pieces.iter().zip(rows) {
-            wholes[*piece as usize] += row;
-        }
-        for link in &self.links {
-            for a in 0..STENCIL {
-                for b in 0..STENCIL {
-                    let [p, q] = [a, b].map(|k| pattern.pieces[link.verts[k] as usize]);
-                    if p == q {
-                        let w = link.weights[a] * link.weights[b];
-                        wholes[p as usize] += link.stiffness * w;
-                    }
-                }
-            }
-        }
-        let inverse = |m: &DMat3| Some(m.inverse()).filter(|m| m.is_finite());
-        wholes
-            .iter()
-            .map(|m| inverse(m).unwrap_or(DMat3::ZERO))
-            .collect()
-    }
-
     /// An approximate solution of `A x = b`, started from zero, and the iterations spent.
     ///
     /// Stops where the matrix shows no positive curvature along the search direction, which
     /// rounding alone can cause; what was found up to there still descends.
-    pub fn solve(&self, b: &[DVec3], effort: &Effort) -> (Vec<DVec3>, usize) {
+    pub fn solve(&self, b: &[DVec3], effort: &Effort<'_>) -> (Vec<DVec3>, usize) {
         let n = b.len();
-        let (inverse, wholes) = (self.inverse_diagonal(), self.inverse_wholes());
-        let pieces = &self.pattern.pieces;
+        let inverse = self.inverse_diagonal();
+        let far = Far::new(self, effort.handles);
         let mut x = vec![DVec3::ZERO; n];
         let mut r = b.to_vec();
         let mut z = vec![DVec3::ZERO; n];
@@ -201,15 +167,14 @@ impl<'a> Matrix<'a> {
             p: &p,
             ap: &ap,
         };
-        let (mut rz, mut shifts) =
-            self.advance(&first, (&inverse, &wholes), (&mut x, &mut r, &mut z));
+        let (mut rz, mut shifts) = self.advance(&first, (&inverse, &far), (&mut x, &mut r, &mut z));
         let goal = rz * effort.tolerance * effort.tolerance;
         let mut beta = 0.0;
         for done in 0..effort.iterations {
             if rz <= goal || rz <= f64::MIN_POSITIVE {
                 return (x, done);
             }
-            ordered::change(&mut p, |i, p| z[i] + shifts[pieces[i] as usize] + p * beta);
+            ordered::change(&mut p, |i, p| z[i] + far.at(i, &shifts) + p * beta);
             let curvature = self.multiply(&p, &mut pulls, &mut ap);
             if curvature.is_nan() || curvature <= 0.0 {
                 return (x, done);
@@ -219,23 +184,22 @@ impl<'a> Matrix<'a> {
                 p: &p,
                 ap: &ap,
             };
-            let next = self.advance(&step, (&inverse, &wholes), (&mut x, &mut r, &mut z));
+            let next = self.advance(&step, (&inverse, &far), (&mut x, &mut r, &mut z));
             beta = next.0 / rz;
             (rz, shifts) = next;
         }
         (x, effort.iterations)
     }
 
-    /// `x += α p`, `r −= α A p`, `z = D⁻¹ r`, and how every piece is to shift as a whole.
+    /// `x += α p`, `r −= α A p`, `z = D⁻¹ r`, and how every large part is to shift.
     ///
     /// Returns `r` times the two together, and the shifts.
     fn advance(
         &self,
         step: &Step<'_>,
-        (inverse, wholes): (&[DMat3], &[DMat3]),
+        (inverse, far): (&[DMat3], &Far<'_>),
         (x, r, z): (&mut [DVec3], &mut [DVec3], &mut [DVec3]),
     ) -> (f64, Vec<DVec3>) {
-        let pieces = &self.pattern.pieces;
         let chunks = x
             .par_chunks_mut(CHUNK)
             .zip(r.par_chunks_mut(CHUNK))
@@ -243,26 +207,25 @@ impl<'a> Matrix<'a> {
         let parts: Vec<(f64, Vec<DVec3>)> = chunks
             .enumerate()
             .map(|(c, ((x, r), z))| {
-                let (mut dot, mut sums) = (0.0, vec![DVec3::ZERO; wholes.len()]);
+                let (mut dot, mut sums) = (0.0, vec![DVec3::ZERO; far.len()]);
                 for k in 0..x.len() {
                     let i = c * CHUNK + k;
                     x[k] += step.p[i] * step.alpha;
                     r[k] -= step.ap[i] * step.alpha;
                     z[k] = inverse[i] * r[k];
                     dot += r[k].dot(z[k]);
-                    sums[pieces[i] as usize] += r[k];
+                    far.gather(i, r[k], &mut sums);
                 }
                 (dot, sums)
             })
             .collect();
         let mut dot: f64 = parts.iter().map(|p| p.0).sum();
-        let whole = |(piece, inverse): (usize, &DMat3)| {
-            let sum: DVec3 = parts.iter().map(|p| p.1[piece]).sum();
-            let shift = *inverse * sum;
-            dot += sum.dot(shift);
-            shift
-        };
-        let shifts = wholes.iter().enumerate().map(whole).collect();
+        let sum = |part: usize| parts.iter().map(|p| p.1[part]).sum();
+        let sums: Vec<DVec3> = (0..far.len()).map(sum).collect();
+        let shifts = far.moves(&sums);
+        for (sum, shift) in sums.iter().zip(&shifts) {
+            dot += sum.dot(*shift);
+        }
         (dot, shifts)
     }
 }

@@ -124,7 +124,7 @@ impl Problem<'_> {
     }
 
     /// A displacement from `x` that lowers the energy [m]; none if nothing finite was found.
-    pub fn descend(&self, x: &[DVec3], effort: &Effort) -> Option<Vec<DVec3>> {
+    pub fn descend(&self, x: &[DVec3], effort: &Effort<'_>) -> Option<Vec<DVec3>> {
         let (gradient, matrix) = self.assemble(x);
         let down: Vec<DVec3> = gradient.iter().map(|g| -*g).collect();
         let (mut moves, _) = matrix.solve(&down, effort);
@@ -267,6 +267,7 @@ mod tests {
         }
         let effort = Effort {
             iterations: 60,
+            handles: None,
             tolerance: 1e-8,
         };
         let moves = problem.descend(&x, &effort).expect("finite");
@@ -299,6 +300,7 @@ mod tests {
             &gradient,
             &Effort {
                 iterations: 200,
+                handles: None,
                 tolerance: 1e-10,
             },
         );

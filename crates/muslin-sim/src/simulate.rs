@@ -8,6 +8,7 @@ use muslin_geom::Surface;
 use crate::{
     clean,
     cloth::{Cloth, SimError, finite, same},
+    coarse::Handles,
     dents::Dents,
     drape::{GoOn, Options, asked},
     relief::Frame,
@@ -115,7 +116,8 @@ impl<'a> Run<'a> {
         (walk, options): (&'a Walk<'a>, &Options),
     ) -> Result<Run<'a>, SimError> {
         let skin = Surface::new(walk.rest, walk.faces);
-        let stage = Stage::new(weave, start, skin, cloth, *options);
+        let mut stage = Stage::new(weave, start, skin, cloth, *options);
+        stage.handles = Handles::new(&weave.pattern.near);
         let dents = Dents::new(walk, stage.worn_on(), options.room(cloth));
         let frame = resume.map_or(0, |s| s.frame);
         let mut run = Run {

@@ -11,6 +11,7 @@ use crate::{
     body::{Body, Skin},
     carry::{self, Carrier},
     cloth::{Cloth, SimError},
+    coarse::Handles,
     crossings,
     drape::{GoOn, Options, asked},
     matrix::Effort,
@@ -32,6 +33,8 @@ pub(crate) struct Stage<'a> {
     pub body: Body,
     carrier: Carrier,
     pins: Vec<(u32, Held)>,
+    /// For cloth in motion, whose waves cross it faster than iterations on vertices do.
+    pub handles: Option<Handles>,
     pub tree: Bvh,
     near: Neighbours,
     /// Positions [m], velocities relative to the body [m/s].
@@ -109,6 +112,7 @@ impl<'a> Stage<'a> {
         };
         let mut stage = Stage {
             pins: cloth.pins.iter().map(held).collect(),
+            handles: None,
             tree: Bvh::over(&face_boxes(start, &weave.faces)),
             body: Body::new(skin, start.len()),
             near: Neighbours::default(),
@@ -363,6 +367,7 @@ impl<'a> Stage<'a> {
             &self.x,
             &Effort {
                 iterations: self.options.iterations,
+                handles: self.handles.as_ref(),
                 tolerance: 1e-3,
             },
         )

@@ -1,0 +1,339 @@
+//! What the preconditioner does beyond single vertices: cloth moved in large parts.
+//!
+//! Either every connected piece of cloth as a whole, or by handles: places a few edges apart, each
+//! of which moves the cloth around it, fully where it is and less and less towards its neighbours.
+//! The shares of a vertex sum to one, so that handles that move alike move cloth as it is. What
+//! handles do to the energy is `Pᵀ A P`, solved exactly (additive Schwarz with a coarse space:
+//! Dryja and Widlund 1987, as used for cloth by Wu and others 2022).
+
+use glam::{DMat3, DVec3};
+
+use crate::{
+    matrix::{Matrix, STENCIL},
+    ordered,
+    pattern::{Pattern, Rows},
+};
+
+/// Edges from a handle to the places that the next one answers for, at least.
+const SPACING: u32 = 6;
+/// Handles at most: their system is solved densely.
+const MOST: usize = 110;
+
+/// Handles on cloth, found once.
+#[derive(Clone, Debug)]
+pub(crate) struct Handles {
+    /// For every vertex the handles that move it.
+    of: Rows,
+    /// Their shares, one per entry of `of`.
+    shares: Vec<f64>,
+    /// For every handle the vertices it moves, and their shares in it.
+    moved: Vec<Vec<(u32, f64)>>,
+}
+
+impl Handles {
+    /// Handles over cloth whose vertices have these neighbours; none where cloth is in too many
+    /// pieces for few of them.
+    pub fn new(near: &Rows) -> Option<Handles> {
+        let spacings = (0..6).map(|k| SPACING << k);
+        let (spacing, centres) = spacings
+            .map(|s| (s, centres(near, s)))
+            .find(|(_, c)| c.len() <= MOST)?;
+        let n = near.start.len() - 1;
+        let width = f64::from(spacing) * 1.5;
+        let mut entries = Vec::new();
+        for (c, &centre) in centres.iter().enumerate() {
+            around(near, centre, 3 * spacing / 2, |v, far| {
+                entries.push((v, c as u32, 1.0 - f64::from(far) / width));
+            });
+        }
+        let pairs: Vec<(u32, u32)> = (0..).zip(&entries).map(|(k, e)| (e.0, k)).collect();
+        let mut of = Rows::counted(n, &pairs);
+        let mut shares: Vec<f64> = of.items.iter().map(|&k| entries[k as usize].2).collect();
+        let mut moved = vec![Vec::new(); centres.len()];
+        of.items
+            .iter_mut()
+            .for_each(|k| *k = entries[*k as usize].1);
+        for v in 0..n {
+            let span = of.span(v);
+            let total: f64 = shares[span.clone()].iter().sum();
+            for k in span {
+                shares[k] /= total;
+                moved[of.items[k] as usize].push((v as u32, shares[k]));
+            }
+        }
+        Some(Handles { of, shares, moved })
+    }
+
+    fn len(&self) -> usize {
+        self.moved.len()
+    }
+
+    /// The handles that move a vertex, and their shares.
+    fn row(&self, v: usize) -> impl Iterator<Item = (usize, f64)> {
+        let span = self.of.span(v);
+        let items = self.of.items[span.clone()].iter().map(|&h| h as usize);
+        items.zip(self.shares[span].iter().copied())
+    }
+}
+
+/// Vertices such that every other is within `spacing` edges of one.
+fn centres(near: &Rows, spacing: u32) -> Vec<u32> {
+    let n = near.start.len() - 1;
+    let mut covered = vec![false; n];
+    let mut centres = Vec::new();
+    for v in 0..n {
+        if !covered[v] {
+            centres.push(v as u32);
+            around(near, v as u32, spacing + 1, |v, _| {
+                covered[v as usize] = true
+            });
+        }
+    }
+    centres
+}
+
+/// Visits everything fewer than `limit` edges from a vertex, with that number.
+fn around(near: &Rows, from: u32, limit: u32, mut visit: impl FnMut(u32, u32)) {
+    let mut seen = std::collections::HashSet::from([from]);
+    let mut ring = vec![from];
+    for far in 0..limit {
+        ring.iter().for_each(|&v| visit(v, far));
+        let mut next = Vec::new();
+        for &v in &ring {
+            next.extend(near.row(v as usize).iter().filter(|&&w| seen.insert(w)));
+        }
+        ring = next;
+    }
+}
+
+/// The second part of a preconditioner.
+pub(crate) enum Far<'a> {
+    /// Every piece as a whole: the inverse of the sum of its blocks.
+    Wholes(&'a Pattern, Vec<DMat3>),
+    /// By handles.
+    Handles(&'a Handles, Factor),
+}
+
+impl<'a> Far<'a> {
+    pub fn new(matrix: &'a Matrix<'_>, handles: Option<&'a Handles>) -> Far<'a> {
+        let by_handles =
+            handles.and_then(|h| Some(Far::Handles(h, Factor::new(&seen(matrix, h))?)));
+        by_handles.unwrap_or_else(|| Far::Wholes(matrix.pattern, inverse_wholes(matrix)))
+    }
+
+    /// How many parts there are.
+    pub fn len(&self) -> usize {
+        match self {
+            Far::Wholes(_, inverses) => inverses.len(),
+            Far::Handles(handles, _) => handles.len(),
+        }
+    }
+
+    /// Adds what pulls at vertex `i` to the sums of its parts.
+    pub fn gather(&self, i: usize, pull: DVec3, sums: &mut [DVec3]) {
+        match self {
+            Far::Wholes(pattern, _) => sums[pattern.pieces[i] as usize] += pull,
+            Far::Handles(h, _) => h.row(i).for_each(|(a, share)| sums[a] += pull * share),
+        }
+    }
+
+    /// How every part moves under these pulls.
+    pub fn moves(&self, sums: &[DVec3]) -> Vec<DVec3> {
+        match self {
+            Far::Wholes(_, inverses) => inverses.iter().zip(sums).map(|(m, s)| *m * *s).collect(),
+            Far::Handles(_, factor) => factor.solve(sums),
+        }
+    }
+
+    /// What these moves of the parts are at vertex `i`.
+    pub fn at(&self, i: usize, moves: &[DVec3]) -> DVec3 {
+        match self {
+            Far::Wholes(pattern, _) => moves[pattern.pieces[i] as usize],
+            Far::Handles(h, _) => h.row(i).map(|(a, share)| moves[a] * share).sum(),
+        }
+    }
+}
+
+/// What moves every piece as a whole: inverses of the sums of its blocks.
+fn inverse_wholes(matrix: &Matrix<'_>) -> Vec<DMat3> {
+    let pattern = matrix.pattern;
+    let rows = ordered::map(pattern.pieces.len(), |i| {
+        let mut sum = DMat3::ZERO;
+        for k in pattern.near.span(i) {
+            sum += DMat3::from_cols_array(&matrix.blocks[k].map(f64::from));
+        }
+        let far = matrix.bending.far.span(i);
+        let far = far.map(|k| matrix.bending.far_weights[k]);
+        sum + DMat3::from_diagonal(DVec3::splat(far.sum()))
+    });
+    let mut wholes = vec![DMat3::ZERO; pattern.n_pieces];
+    for (piece, row) in pattern.pieces.iter().zip(rows) {
+        wholes[*piece as usize] += row;
+    }
+    for link in &matrix.links {
+        for a in 0..STENCIL {
+            for b in 0..STENCIL {
+                let [p, q] = [a, b].map(|k| pattern.pieces[link.verts[k] as usize]);
+                if p == q {
+                    let w = link.weights[a] * link.weights[b];
+                    wholes[p as usize] += link.stiffness * w;
+                }
+            }
+        }
+    }
+    let inverse = |m: &DMat3| Some(m.inverse()).filter(|m| m.is_finite());
+    wholes
+        .iter()
+        .map(|m| inverse(m).unwrap_or(DMat3::ZERO))
+        .collect()
+}
+
+/// The matrix as handles see it: for every handle the blocks to those before it and itself.
+fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<DMat3>> {
+    use rayon::prelude::*;
+    let (near, far) = (&matrix.pattern.near, &matrix.bending.far);
+    let row = |a: usize| {
+        let mut row = vec![DMat3::ZERO; a + 1];
+        for &(i, share) in &handles.moved[a] {
+            let i = i as usize;
+            for k in near.span(i) {
+                let block = DMat3::from_cols_array(&matrix.blocks[k].map(f64::from)) * share;
+                let before = handles.row(near.items[k] as usize).take_while(|h| h.0 <= a);
+                before.for_each(|(b, other)| row[b] += block * other);
+            }
+            for k in far.span(i) {
+                let pull = DVec3::splat(matrix.bending.far_weights[k] * share);
+                let before = handles.row(far.items[k] as usize).take_while(|h| h.0 <= a);
+                before.for_each(|(b, other)| row[b] += DMat3::from_diagonal(pull * other));
+            }
+        }
+        row
+    };
+    let mut rows: Vec<Vec<DMat3>> = (0..handles.len()).into_par_iter().map(row).collect();
+    let mut pulls: Vec<(usize, f64)> = Vec::new();
+    for link in &matrix.links {
+        pulls.clear();
+        for k in (0..STENCIL).filter(|&k| link.weights[k] != 0.0) {
+            let of = handles.row(link.verts[k] as usize);
+            pulls.extend(of.map(|(h, share)| (h, share * link.weights[k])));
+        }
+        pulls.sort_by_key(|p| p.0);
+        pulls.dedup_by(|b, a| {
+            let same = a.0 == b.0;
+            a.1 += if same { b.1 } else { 0.0 };
+            same
+        });
+        for (k, &(a, wa)) in pulls.iter().enumerate() {
+            for &(b, wb) in &pulls[..=k] {
+                rows[a][b] += link.stiffness * (wa * wb);
+            }
+        }
+    }
+    rows
+}
+
+/// A Cholesky factor: the rows of `L`, up to the diagonal.
+pub(crate) struct Factor(Vec<Vec<f64>>);
+
+impl Factor {
+    /// Factors a matrix of 3×3 blocks given up to the diagonal; none if it is not positive.
+    fn new(blocks: &[Vec<DMat3>]) -> Option<Factor> {
+        let mut rows: Vec<Vec<f64>> = Vec::with_capacity(3 * blocks.len());
+        for block_row in blocks {
+            for r in 0..3 {
+                let i = rows.len();
+                let mut row: Vec<f64> = Vec::with_capacity(i + 1);
+                for j in 0..=i {
+                    let here = block_row[j / 3].col(j % 3)[r];
+                    let left = here - dot(&row[..j], rows.get(j).map_or(&row[..j], |l| &l[..j]));
+                    row.push(match rows.get(j) {
+                        Some(l) => left / l[j],
+                        None if left > 0.0 => left.sqrt(),
+                        None => return None,
+                    });
+                }
+                rows.push(row);
+            }
+        }
+        Some(Factor(rows))
+    }
+
+    fn solve(&self, b: &[DVec3]) -> Vec<DVec3> {
+        let mut y: Vec<f64> = b.iter().flat_map(|b| b.to_array()).collect();
+        for i in 0..y.len() {
+            let row = &self.0[i];
+            y[i] = (y[i] - dot(&row[..i], &y[..i])) / row[i];
+        }
+        for i in (0..y.len()).rev() {
+            let row = &self.0[i];
+            let (before, here) = y.split_at_mut(i);
+            here[0] /= row[i];
+            for (y, l) in before.iter_mut().zip(row) {
+                *y -= l * here[0];
+            }
+        }
+        y.as_chunks().0.iter().map(|c| DVec3::from(*c)).collect()
+    }
+}
+
+/// `a · b`, eight products side by side.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    let mut sums = [0.0; 8];
+    for (a, b) in a.iter().zip(b) {
+        for k in 0..8 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f64>() + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet of 30 × 30 vertices.
+    fn sheet() -> Vec<[u32; 3]> {
+        let cells = (0..29 * 30).filter(|v| v % 30 < 29);
+        cells
+            .flat_map(|v| [[v, v + 1, v + 31], [v, v + 31, v + 30]])
+            .collect()
+    }
+
+    #[test]
+    fn shares_of_a_vertex_sum_to_one_and_every_vertex_has_a_handle() {
+        let pattern = Pattern::new(900, &sheet());
+        let handles = Handles::new(&pattern.near).expect("one sheet");
+        assert!((6..60).contains(&handles.len()), "{}", handles.len());
+        for v in 0..900 {
+            let total: f64 = handles.row(v).map(|h| h.1).sum();
+            assert!((total - 1.0).abs() < 1e-12, "vertex {v}: {total}");
+            assert!(handles.row(v).is_sorted_by_key(|h| h.0));
+        }
+    }
+
+    #[test]
+    fn crumbs_get_no_handles() {
+        let faces: Vec<[u32; 3]> = (0..200).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
+        assert!(Handles::new(&Pattern::new(600, &faces).near).is_none());
+    }
+
+    #[test]
+    fn a_factor_solves_and_refuses_what_is_not_positive() {
+        let m = |a: f64, b: f64| {
+            DMat3::from_diagonal(DVec3::splat(a)) + DMat3::from_cols_array(&[b; 9])
+        };
+        let blocks = [vec![m(4.0, 0.5)], vec![m(-1.0, 0.2), m(5.0, 0.1)]];
+        let x = [DVec3::new(1.0, -2.0, 0.5), DVec3::new(0.3, 0.7, -1.1)];
+        let b = [
+            blocks[0][0] * x[0] + blocks[1][0].transpose() * x[1],
+            blocks[1][0] * x[0] + blocks[1][1] * x[1],
+        ];
+        let got = Factor::new(&blocks).expect("it is positive").solve(&b);
+        for (got, want) in got.iter().zip(x) {
+            assert!((*got - want).length() < 1e-12, "{got} for {want}");
+        }
+        assert!(Factor::new(&[vec![m(-1.0, 0.0)]]).is_none());
+    }
+}
