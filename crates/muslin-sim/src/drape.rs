@@ -8,7 +8,7 @@ use crate::{
     clean,
     cloth::{Cloth, SimError, finite, same},
     dents::{AROUND, check},
-    loosen::{is_caught, loosen},
+    loosen::let_go,
     quality::Settled,
     relief::{Frame, relieve_path},
     stage::{Pace, Stage},
@@ -53,7 +53,7 @@ impl Default for Options {
             still: 0.03,
             keep: 0.8,
             pin: 15.0,
-            tugs: 2,
+            tugs: 4,
         }
     }
 }
@@ -124,19 +124,13 @@ fn drape_inside(
         asked(go_on)?;
         stage.follow(frame)?;
     }
-    let mut converged = stage.settle(go_on)?;
+    let converged = stage.settle(go_on)?;
     let body = Frame {
         skin: way[way.len() - 1].clone(),
         cores: path[path.len() - 1].cores.clone(),
     };
-    for _ in 0..options.tugs {
-        if !is_caught(cloth, &stage.x) {
-            break;
-        }
-        stage.slip_pins();
-        loosen(&mut stage, &body, go_on)?;
-        converged = stage.settle(go_on)?;
-    }
+    let tugs = (options.tugs, go_on);
+    let converged = let_go((&mut stage, converged), (cloth, &body), tugs)?;
     let settled = clean::finish(stage, &body.cores)?;
     let yielded = relief.deepest + settled.yielded;
     Ok(Settled {

@@ -18,22 +18,52 @@ const DEPTH: f64 = 0.015;
 /// Steps of drawing in, of waiting, and of coming back.
 const STEPS: [usize; 3] = [5, 15, 10];
 
-/// Whether more than one in a hundred faces of some material stretches beyond its limit.
-pub(crate) fn is_caught(cloth: &Cloth, x: &[DVec3]) -> bool {
+/// Tugs at cloth that is caught, up to `tugs` times, and leaves it as it lay best.
+///
+/// `converged`: whether it has come to rest; returns whether it has in the end.
+pub(crate) fn let_go(
+    (stage, converged): (&mut Stage<'_>, bool),
+    (cloth, body): (&Cloth, &Frame),
+    (tugs, go_on): (usize, GoOn<'_>),
+) -> Result<bool, SimError> {
+    let mut best = (strained(cloth, &stage.x), stage.x.clone(), converged);
+    for _ in 0..tugs {
+        if best.0 <= 1.0 {
+            break;
+        }
+        stage.slip_pins();
+        loosen(stage, body, go_on)?;
+        let converged = stage.settle(go_on)?;
+        let now = strained(cloth, &stage.x);
+        if now < best.0 {
+            best = (now, stage.x.clone(), converged);
+        }
+    }
+    if best.1 != stage.x {
+        stage.restore(&best.1, &vec![DVec3::ZERO; best.1.len()]);
+    }
+    Ok(best.2)
+}
+
+/// What one face in a hundred of some material stretches by at least, as a share of its limit:
+/// the material's for which that is most.
+fn strained(cloth: &Cloth, x: &[DVec3]) -> f64 {
     let all = stretch(&cloth.faces, &cloth.rest, x);
     let limits = cloth.materials.iter().map(|m| m.limit).enumerate();
-    limits.filter_map(|(k, l)| Some((k, l?))).any(|(k, limit)| {
+    let share = |(k, limit): (usize, f64)| {
         let own = all.iter().zip(&cloth.material_of);
         let mut own: Vec<f64> = own
             .filter(|(_, of)| **of as usize == k)
             .map(|p| *p.0)
             .collect();
-        percentile(&mut own, 0.99) > limit
-    })
+        percentile(&mut own, 0.99) / limit
+    };
+    let limited = limits.filter_map(|(k, l)| Some((k, l?)));
+    limited.map(share).fold(0.0, f64::max)
 }
 
 /// Takes the body in and out again, the cloth moving freely all the while.
-pub(crate) fn loosen(stage: &mut Stage<'_>, body: &Frame, go_on: GoOn<'_>) -> Result<(), SimError> {
+fn loosen(stage: &mut Stage<'_>, body: &Frame, go_on: GoOn<'_>) -> Result<(), SimError> {
     let normals = stage.body.now.vertex_normals().to_vec();
     let drawn_in = |share: f64| -> Vec<DVec3> {
         let at = |i: usize| {
