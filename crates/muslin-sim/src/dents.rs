@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::{
-    cloth::{SimError, finite, same},
+    cloth::SimError,
     relief::{Frame, relieve, within},
     simulate::Walk,
 };
@@ -36,7 +36,7 @@ impl<'a> Dents<'a> {
     pub fn frame(&mut self, k: usize) -> Result<Frame, SimError> {
         let (from, to) = self.around(k);
         let mut body = (self.walk.at)(k);
-        check(&body, self.walk.rest.len())?;
+        body.check(self.walk.rest.len())?;
         if self.looks[0].0 != from {
             self.looks.swap(0, 1);
         }
@@ -74,14 +74,4 @@ impl<'a> Dents<'a> {
         let pairs = relief.verts.iter().zip(&body.skin);
         pairs.map(|(a, b)| *a - *b).collect()
     }
-}
-
-/// Whether a frame has `n` vertices, all finite, and as many cores or none.
-pub(crate) fn check(frame: &Frame, n: usize) -> Result<(), SimError> {
-    same("body frame", frame.skin.len(), n)?;
-    finite("body vertex", &frame.skin)?;
-    if !frame.cores.is_empty() {
-        same("cores", frame.cores.len(), n)?;
-    }
-    finite("core", &frame.cores)
 }

@@ -7,7 +7,7 @@ use crate::{
     carry::Carrier,
     clean,
     cloth::{Cloth, SimError, finite, same},
-    dents::{AROUND, check},
+    dents::AROUND,
     loosen::let_go,
     quality::Settled,
     relief::{Frame, relieve_path},
@@ -107,7 +107,7 @@ fn drape_inside(
     finite("start vertex", start)?;
     let first = path.first().ok_or(SimError::EmptyPath)?;
     for frame in path {
-        check(frame, first.skin.len())?;
+        frame.check(first.skin.len())?;
     }
     let worn_on = {
         let skin = Surface::new(&first.skin, body_faces);

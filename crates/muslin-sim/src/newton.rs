@@ -313,4 +313,69 @@ mod tests {
         let size = gradient.iter().map(|g| g.length()).fold(0.0, f64::max);
         assert!(worst < 1e-7 * size, "residual {worst} of {size}");
     }
+
+    /// A sheet of 10 × 60 vertices, 1 cm apart, hanging along −Y.
+    fn long_sheet() -> (Cloth, Vec<DVec3>) {
+        let flat: Vec<DVec2> = (0..600)
+            .map(|i| DVec2::new(f64::from(i % 10), -f64::from(i / 10)) * 0.01)
+            .collect();
+        let cells = (0..590_u32).filter(|v| v % 10 < 9);
+        let faces: Vec<[u32; 3]> = cells
+            .flat_map(|v| [[v, v + 10, v + 11], [v, v + 11, v + 1]])
+            .collect();
+        let cloth = Cloth {
+            rest: faces.iter().map(|f| f.map(|i| flat[i as usize])).collect(),
+            material_of: vec![0; faces.len()],
+            layers: vec![0; 600],
+            faces,
+            ..crumpled().0
+        };
+        (cloth, flat.iter().map(|p| p.extend(0.0)).collect())
+    }
+
+    #[test]
+    fn handles_carry_a_pull_across_cloth_in_a_few_iterations() {
+        let (cloth, x) = long_sheet();
+        let weave = Weave::new(&cloth).expect("a valid cloth");
+        let barrier = Barrier {
+            radius: 3e-3,
+            width: 1e-3,
+            stiffness: 400.0,
+        };
+        let pins: Vec<(u32, DVec3)> = (0..10)
+            .map(|i| (i, x[i as usize] + DVec3::Y * 1e-3))
+            .collect();
+        let problem = Problem {
+            weave: &weave,
+            target: &x,
+            step: 0.02,
+            gravity: DVec3::ZERO,
+            touches: &[],
+            pairs: &[],
+            barrier,
+            pins: &pins,
+            pin: 100.0,
+        };
+        let (gradient, matrix) = problem.assemble(&x);
+        let down: Vec<DVec3> = gradient.iter().map(|g| -*g).collect();
+        let handles = crate::coarse::Handles::new(&weave.pattern.near);
+        assert!(handles.is_some());
+        let hem = |handles, iterations| {
+            let effort = Effort {
+                iterations,
+                handles,
+                tolerance: 1e-9,
+            };
+            let (moves, _) = matrix.solve(&down, &effort);
+            moves[590..].iter().map(|m| m.y).sum::<f64>() / 10.0
+        };
+        let exact = hem(None, 5000);
+        assert!((hem(handles.as_ref(), 500) - exact).abs() < 1e-4 * exact);
+        let off = |got: f64| (got / exact - 1.0).abs();
+        let (without, with) = (off(hem(None, 25)), off(hem(handles.as_ref(), 25)));
+        assert!(
+            with < 0.1 && without > 0.5,
+            "{with} with, {without} without"
+        );
+    }
 }

@@ -12,6 +12,7 @@ use glam::DVec3;
 use muslin_geom::{Aabb, Bvh, Surface, closest::Crossing};
 
 use crate::{
+    cloth::{SimError, finite, same},
     ordered,
     pattern::{Pattern, Rows},
 };
@@ -23,6 +24,18 @@ pub struct Frame {
     pub skin: Vec<DVec3>,
     /// For every vertex a point inside, where its flesh gives way to [m]; none at all: straight in.
     pub cores: Vec<DVec3>,
+}
+
+impl Frame {
+    /// Whether it has `n` vertices, all finite, and as many cores or none.
+    pub(crate) fn check(&self, n: usize) -> Result<(), SimError> {
+        same("body frame", self.skin.len(), n)?;
+        finite("body vertex", &self.skin)?;
+        if !self.cores.is_empty() {
+            same("cores", self.cores.len(), n)?;
+        }
+        finite("core", &self.cores)
+    }
 }
 
 impl From<Vec<DVec3>> for Frame {
