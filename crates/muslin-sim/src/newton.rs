@@ -374,7 +374,7 @@ mod tests {
         let off = |got: f64| (got / exact - 1.0).abs();
         let (without, with) = (off(hem(None, 25)), off(hem(handles.as_ref(), 25)));
         assert!(
-            with < 0.1 && without > 0.5,
+            with < 1e-3 && without > 0.05,
             "{with} with, {without} without"
         );
     }
