@@ -14,6 +14,7 @@ use crate::{
     quality::{self, Settled},
     relief,
     stage::Stage,
+    weave::Weave,
 };
 
 /// Rounds of untangling and covering at the end.
@@ -27,8 +28,11 @@ const YIELDS: usize = 40;
 const GIVE: f64 = 1e-3;
 const MOST_GIVE: [f64; 2] = [0.035, 0.004];
 
-/// Makes the cloth clean, and measures it. `cores`: as in [`relief::Frame`].
-pub(crate) fn finish(mut stage: Stage<'_>, cores: &[DVec3]) -> Result<Settled, SimError> {
+/// Makes the cloth clean, and measures it as `weave`. `cores`: as in [`relief::Frame`].
+pub(crate) fn finish(
+    mut stage: Stage<'_>,
+    (weave, cores): (&Weave, &[DVec3]),
+) -> Result<Settled, SimError> {
     let speed_p99 = stage.speed();
     for _ in 0..CLEANINGS {
         stage.find_tangles();
@@ -44,7 +48,7 @@ pub(crate) fn finish(mut stage: Stage<'_>, cores: &[DVec3]) -> Result<Settled, S
     }
     let yielded = give(&mut stage, cores);
     let crossing = crossings::crossing_faces(stage.weave, &mut stage.tree, &stage.x).len();
-    let measured = Settled::measure(stage.weave, stage.x, &stage.body.now, crossing);
+    let measured = Settled::measure(weave, stage.x, &stage.body.now, crossing);
     Ok(Settled {
         steps: stage.steps,
         speed_p99,

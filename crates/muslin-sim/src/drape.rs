@@ -58,6 +58,10 @@ impl Default for Options {
     }
 }
 
+/// How much firmer the walls at the limits of stretch are where cloth is caught: what is beyond
+/// them then pulls along what is not.
+const FIRMER: f64 = 16.0;
+
 /// Whether to go on; asked from any thread.
 pub(crate) type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
 
@@ -129,9 +133,10 @@ fn drape_inside(
         skin: way[way.len() - 1].clone(),
         cores: path[path.len() - 1].cores.clone(),
     };
+    let firm = weave.firmer(FIRMER);
     let tugs = (options.tugs, go_on);
-    let converged = let_go((&mut stage, converged), (cloth, &body), tugs)?;
-    let settled = clean::finish(stage, &body.cores)?;
+    let converged = let_go((&mut stage, converged), (cloth, &body, &firm), tugs)?;
+    let settled = clean::finish(stage, (&weave, &body.cores))?;
     let yielded = relief.deepest + settled.yielded;
     Ok(Settled {
         converged,

@@ -11,6 +11,7 @@ use crate::{
     quality::{percentile, stretch},
     relief::{Frame, given},
     stage::Stage,
+    weave::Weave,
 };
 
 /// How far the body draws in [m].
@@ -20,10 +21,11 @@ const STEPS: [usize; 3] = [5, 15, 10];
 
 /// Tugs at cloth that is caught, up to `tugs` times, and leaves it as it lay best.
 ///
-/// `converged`: whether it has come to rest; returns whether it has in the end.
-pub(crate) fn let_go(
-    (stage, converged): (&mut Stage<'_>, bool),
-    (cloth, body): (&Cloth, &Frame),
+/// `firm`: the same cloth with firmer walls, which it has from the first tug on. `converged`:
+/// whether it has come to rest; returns whether it has in the end.
+pub(crate) fn let_go<'a>(
+    (stage, converged): (&mut Stage<'a>, bool),
+    (cloth, body, firm): (&Cloth, &Frame, &'a Weave),
     (tugs, go_on): (usize, GoOn<'_>),
 ) -> Result<bool, SimError> {
     let mut best = (strained(cloth, &stage.x), stage.x.clone(), converged);
@@ -31,6 +33,7 @@ pub(crate) fn let_go(
         if best.0 <= 1.0 {
             break;
         }
+        stage.weave = firm;
         stage.slip_pins();
         loosen(stage, body, go_on)?;
         let converged = stage.settle(go_on)?;

@@ -65,6 +65,14 @@ impl Weave {
         })
     }
 
+    /// The same cloth with walls at its limits that are so many times as stiff.
+    pub fn firmer(&self, times: f64) -> Weave {
+        let mut firm = self.clone();
+        let limits = firm.patches.iter_mut().filter_map(|p| p.limit.as_mut());
+        limits.for_each(|limit| limit.stiffness *= times);
+        firm
+    }
+
     pub fn n_verts(&self) -> usize {
         self.mass.len()
     }
