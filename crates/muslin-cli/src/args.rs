@@ -214,7 +214,8 @@ pub struct Train {
     /// Poses of the motions that are learnt from, at most.
     #[arg(long, default_value_t = TrainOptions::default().poses)]
     pub poses: usize,
-    /// Poses mixed of those of the motions (one's arms with another's trunk), besides them.
+    /// Poses mixed of those of the motions (arms between one's and another's, on a third's trunk),
+    /// besides them.
     #[arg(long, default_value_t = TrainOptions::default().mixed)]
     pub mixed: usize,
     /// Width of the network's two inner layers.
@@ -323,9 +324,10 @@ pub struct Bench {
     /// The model in the garments figures, as `muslin train` wrote it.
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// Bodies, and poses for each, in the drape figures; frames in the garments figures.
-    #[arg(long, default_value_t = 20)]
-    pub cases: usize,
+    /// Bodies, and poses for each, in the drape figures, else 20; frames in the garments figures,
+    /// else 9 (some three minutes).
+    #[arg(long)]
+    pub cases: Option<usize>,
     /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this; may be given again.
     #[arg(long)]
     pub only: Vec<String>,

@@ -167,7 +167,10 @@ fn bench(bench: &Bench) -> Result<(), Failure> {
         BenchKind::Fit => muslin::bench::fit(data),
         BenchKind::Drape => muslin::bench::drape(data, &drapes(bench)),
         BenchKind::Dress => muslin::bench::dress(data),
-        BenchKind::Garments => muslin::bench::garments(data, bench.model.as_deref(), bench.cases),
+        BenchKind::Garments => {
+            let cases = bench.cases.unwrap_or(9);
+            muslin::bench::garments(data, bench.model.as_deref(), cases)
+        }
         BenchKind::Cloth => muslin::bench::cloth(),
     }?;
     print(&report)
@@ -175,7 +178,7 @@ fn bench(bench: &Bench) -> Result<(), Failure> {
 
 fn drapes(bench: &Bench) -> muslin::bench::Drapes {
     muslin::bench::Drapes {
-        cases: bench.cases,
+        cases: bench.cases.unwrap_or(20),
         only: bench.only.clone(),
         pictures: bench.pictures.clone(),
     }

@@ -74,7 +74,11 @@ impl Player {
 
     /// The cloth [m] in a pose; `bones` is `world_from_rest` of all of the rig, as
     /// [`Avatar::bones`] gives it. `out` has one entry per vertex.
+    ///
+    /// # Panics
+    /// Where `out` is of another length.
     pub fn frame(&mut self, pose: &Pose, bones: &[DAffine3], out: &mut [[f32; 3]]) {
+        assert_eq!(out.len(), self.n_verts(), "one entry per vertex");
         self.read((pose, bones), 0);
         pulp::Arch::new().dispatch(One {
             blocks: &self.blocks,
@@ -87,7 +91,15 @@ impl Player {
     /// The cloth [m] in several poses, as [`Player::frame`] gives it one by one, in less time.
     ///
     /// `out` has one entry per vertex of each pose, pose after pose.
+    ///
+    /// # Panics
+    /// Where `out` is of another length.
     pub fn frames(&mut self, poses: &[(&Pose, &[DAffine3])], out: &mut [[f32; 3]]) {
+        assert_eq!(
+            out.len(),
+            poses.len() * self.n_verts(),
+            "one entry per vertex of each pose"
+        );
         let lots = out.chunks_mut(BATCH * self.n_verts().max(1));
         for (poses, out) in poses.chunks(BATCH).zip(lots) {
             for (slot, pose) in poses.iter().enumerate() {

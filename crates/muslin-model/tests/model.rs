@@ -134,6 +134,18 @@ fn frames_together_are_those_one_by_one() {
 }
 
 #[test]
+#[should_panic(expected = "one entry per vertex of each pose")]
+fn room_for_too_few_frames_is_refused() {
+    let avatar = Avatar::embedded().expect("the embedded body is sound");
+    let figure = avatar.figure(&Shape::default()).expect("the default shape");
+    let mut player = Player::new(&model(), &avatar).expect("the bones are there");
+    let pose = wave(&avatar, 3);
+    let bones = avatar.bones(&figure, &pose);
+    let mut out = vec![[0.0f32; 3]; 2 * player.n_verts() - 1];
+    player.frames(&[(&pose, &bones[..]); 2], &mut out);
+}
+
+#[test]
 fn a_turn_of_the_whole_body_about_the_vertical_turns_the_cloth_alike() {
     let avatar = Avatar::embedded().expect("the embedded body is sound");
     let figure = avatar.figure(&Shape::default()).expect("the default shape");

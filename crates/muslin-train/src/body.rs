@@ -1,8 +1,8 @@
 //! The body in a pose, as walls for the cloth.
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, Vec3};
 use muslin_body::{Avatar, Cores, Figure, Part, Pose};
-use muslin_geom::{Aabb, Bvh, Surface};
+use muslin_geom::{Aabb, Bvh, Surface, vertex_normals};
 use muslin_sim::{Frame, relieve};
 
 /// How far from the cloth skin is looked for [m].
@@ -18,6 +18,23 @@ const SOFT: f64 = 0.05;
 pub type Wall = [f32; 4];
 /// Where there is none.
 const OPEN: Wall = [0.0, 0.0, 0.0, -1.0];
+/// The face of a vertex that has no wall.
+pub const NO_FACE: u32 = u32::MAX;
+/// Steps from face to face when a wall is followed.
+const HOPS: usize = 12;
+/// Followed this far behind the skin, a point has lost its way: it passed by another limb [m].
+const LOST: f32 = 0.02;
+/// Nearer than this the way to the skin has no direction of its own [m].
+const TOUCHING: f32 = 5e-5;
+
+/// The skin around the cloth in a pose.
+#[derive(Clone, Debug, Default)]
+pub struct Posed {
+    /// Positions [m].
+    pub verts: Vec<Vec3>,
+    /// Unit normals.
+    pub normals: Vec<Vec3>,
+}
 
 /// Somebody whose skin around the cloth can be asked for.
 pub struct Skinned<'a> {
@@ -27,11 +44,16 @@ pub struct Skinned<'a> {
     verts: Vec<u32>,
     /// The same at rest, ready to be moved into poses.
     surface: Surface,
-    /// Which of these may give way.
+    /// Triangles around every vertex: where each vertex's start, and they.
+    around: (Vec<u32>, Vec<u32>),
+    /// Which triangles lie at the rim of what was kept: which side one is on cannot be told there.
+    rim: Vec<bool>,
+    /// Which vertices may give way.
     soft: Vec<bool>,
     /// All of the skin.
     range: std::ops::Range<usize>,
-    cores: Cores<'a>,
+    /// Cores of the vertices kept, at rest [m].
+    cores: Vec<DVec3>,
 }
 
 impl<'a> Skinned<'a> {
@@ -64,22 +86,28 @@ impl<'a> Skinned<'a> {
         let faces: Vec<[u32; 3]> = kept.iter().map(|f| f.map(place)).collect();
         let at: Vec<DVec3> = verts.iter().map(|v| skin[*v as usize]).collect();
         Self {
+            rim: rim(&faces),
+            around: around(at.len(), &faces),
             surface: Surface::new(&at, &faces),
             soft: {
                 let soft = within(SOFT);
                 verts.iter().map(|v| soft[*v as usize]).collect()
             },
             range: avatar.part(Part::Body),
-            cores: Cores::new(avatar, figure),
+            cores: {
+                let still = vec![DAffine3::IDENTITY; avatar.rig().n_bones()];
+                let all = Cores::new(avatar, figure).posed(&still);
+                verts.iter().map(|v| all[*v as usize]).collect()
+            },
             avatar,
             figure,
             verts,
         }
     }
 
-    /// The skin around the cloth at rest, to be moved into poses.
-    pub fn surface(&self) -> Surface {
-        self.surface.clone()
+    /// Whether there is such a triangle around the cloth, or it stands for none.
+    pub fn has(&self, face: u32) -> bool {
+        face == NO_FACE || (face as usize) < self.surface.faces().len()
     }
 
     /// Bones in a pose with the root over the origin: `world_from_rest`.
@@ -91,22 +119,97 @@ impl<'a> Skinned<'a> {
 
     /// The skin around the cloth in a pose [m]; where the body folds into itself it gives way, as
     /// it does in the solver.
-    pub fn skin(&self, pose: &Pose) -> Vec<[f32; 3]> {
+    pub fn skin(&self, pose: &Pose) -> Posed {
         let posed = self.avatar.pose(self.figure, &over_origin(pose));
         let skin = &posed.verts[self.range.clone()];
         let here: Vec<DVec3> = self.verts.iter().map(|v| skin[*v as usize]).collect();
-        let cores = self.cores.posed(&posed.bones);
+        let weights = &self.avatar.rig().weights;
+        let core = |(p, v): (&DVec3, &u32)| {
+            let by = weights.row(*v as usize).iter();
+            by.map(|&(b, w)| posed.bones[b as usize].transform_point3(*p) * w)
+                .sum()
+        };
         let here = Frame {
             skin: here,
-            cores: self.verts.iter().map(|v| cores[*v as usize]).collect(),
+            cores: self.cores.iter().zip(&self.verts).map(core).collect(),
         };
         let way = (self.surface.verts(), &here);
         let relief = relieve(way, self.surface.faces(), ROOM, &self.soft);
-        relief
-            .verts
-            .iter()
-            .map(|p| p.as_vec3().to_array())
-            .collect()
+        let normals = vertex_normals(&relief.verts, self.surface.faces());
+        let single = |list: &[DVec3]| list.iter().map(|p| p.as_vec3()).collect();
+        Posed {
+            verts: single(&relief.verts),
+            normals: single(&normals),
+        }
+    }
+
+    /// The triangle of the `skin` nearest to each vertex of the cloth at `x` [m]; none where skin is
+    /// far, or where the body still folds into itself, so that no cloth could lie between.
+    pub fn nearest(&self, skin: &Posed, x: &[DVec3]) -> Vec<u32> {
+        let verts: Vec<DVec3> = skin.verts.iter().map(|p| p.as_dvec3()).collect();
+        let mut surface = self.surface.clone();
+        surface.refit(&verts);
+        let mut hint = 0;
+        let one = |x: &DVec3| match surface.closest_near(*x, REACH, hint) {
+            Some(hit) => {
+                hint = hit.face;
+                let lost = self.rim[hit.face as usize] || crowded(&surface, &hit);
+                if lost { NO_FACE } else { hit.face }
+            }
+            None => NO_FACE,
+        };
+        x.iter().map(one).collect()
+    }
+
+    /// The wall of a point `p` [m] whose nearest triangle was `face`; follows it over the `skin`.
+    ///
+    /// None where skin is far, or where the way got lost behind another limb.
+    pub fn wall(&self, skin: &Posed, p: Vec3, face: &mut u32) -> Wall {
+        if *face == NO_FACE {
+            return OPEN;
+        }
+        let hit = self.follow(skin, p, face);
+        let f = self.surface.faces()[*face as usize];
+        let smooth: Vec3 = (0..3)
+            .map(|k| skin.normals[f[k] as usize] * hit.weights[k])
+            .sum();
+        let away = p - hit.point;
+        let lost = away.dot(smooth) < 0.0 && hit.square > LOST * LOST;
+        if lost || self.rim[*face as usize] {
+            return OPEN;
+        }
+        let n = match hit.square > TOUCHING * TOUCHING {
+            true => away * (away.dot(smooth).signum() / hit.square.sqrt()),
+            false => smooth.normalize_or_zero(),
+        };
+        [n.x, n.y, n.z, n.dot(hit.point)]
+    }
+
+    /// Goes from triangle to neighbouring triangle for as long as that leads nearer to `p`.
+    fn follow(&self, skin: &Posed, p: Vec3, face: &mut u32) -> Near {
+        let faces = self.surface.faces();
+        let corners = |f: u32| faces[f as usize].map(|v| skin.verts[v as usize]);
+        let mut hit = near_triangle(p, corners(*face));
+        for _ in 0..HOPS {
+            // Inside a triangle the way to the skin is along its normal: no neighbour is nearer.
+            if hit.weights.iter().all(|w| *w > 0.0) {
+                break;
+            }
+            let pivot = (0..3).max_by(|a, b| hit.weights[*a].total_cmp(&hit.weights[*b]));
+            let pivot = faces[*face as usize][pivot.expect("three corners")] as usize;
+            let span = self.around.0[pivot] as usize..self.around.0[pivot + 1] as usize;
+            let before = *face;
+            for &f in &self.around.1[span] {
+                let next = near_triangle(p, corners(f));
+                if next.square < hit.square {
+                    (hit, *face) = (next, f);
+                }
+            }
+            if *face == before {
+                break;
+            }
+        }
+        hit
     }
 }
 
@@ -117,35 +220,124 @@ fn over_origin(pose: &Pose) -> Pose {
     }
 }
 
-/// The wall nearest to each vertex of the cloth at `x` [m], by exact distance from the `skin`.
-///
-/// Where the body still folds into itself no cloth could lie between; there is no wall then.
-pub fn walls(surface: &mut Surface, skin: &[[f32; 3]], x: &[DVec3], out: &mut [Wall]) {
-    let skin: Vec<DVec3> = skin
-        .iter()
-        .map(|p| DVec3::from_array(p.map(f64::from)))
-        .collect();
-    surface.refit(&skin);
-    let mut hint = 0;
-    for (x, out) in x.iter().zip(out) {
-        *out = match surface.closest_near(*x, REACH, hint) {
-            Some(hit) => {
-                hint = hit.face;
-                wall(surface, &hit)
-            }
-            None => OPEN,
-        };
+/// Whether other skin faces the one that was hit, so near that no cloth fits between.
+fn crowded(surface: &Surface, hit: &muslin_geom::Closest) -> bool {
+    if hit.signed >= 0.02 {
+        return false;
     }
+    let beyond = hit.point + hit.normal * ROOM;
+    let other = surface.closest_near(beyond, 2.0 * ROOM, hit.face);
+    other.is_some_and(|c| c.signed < 0.3 * ROOM)
 }
 
-fn wall(surface: &Surface, hit: &muslin_geom::Closest) -> Wall {
-    if hit.signed < 0.02 {
-        let beyond = hit.point + hit.normal * ROOM;
-        let crowded = surface.closest_near(beyond, 2.0 * ROOM, hit.face);
-        if crowded.is_some_and(|c| c.signed < 0.3 * ROOM) {
-            return OPEN;
-        }
+/// Which triangles have a corner on an edge that belongs to no other.
+fn rim(faces: &[[u32; 3]]) -> Vec<bool> {
+    let mut edges: Vec<[u32; 2]> = (faces.iter())
+        .flat_map(|f| (0..3).map(|k| [f[k].min(f[(k + 1) % 3]), f[k].max(f[(k + 1) % 3])]))
+        .collect();
+    edges.sort_unstable();
+    let single = edges.chunk_by(|a, b| a == b).filter(|e| e.len() == 1);
+    let mut verts: Vec<u32> = single.flat_map(|e| e[0]).collect();
+    verts.sort_unstable();
+    let on = |v: &u32| verts.binary_search(v).is_ok();
+    faces.iter().map(|f| f.iter().any(on)).collect()
+}
+
+/// Triangles around every vertex.
+fn around(n: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
+    let mut rows = vec![Vec::new(); n];
+    for (f, face) in faces.iter().enumerate() {
+        face.iter().for_each(|v| rows[*v as usize].push(f as u32));
     }
-    let n = hit.normal.as_vec3();
-    [n.x, n.y, n.z, hit.normal.dot(hit.point) as f32]
+    let mut starts = vec![0];
+    rows.iter()
+        .for_each(|row| starts.push(starts[starts.len() - 1] + row.len() as u32));
+    (starts, rows.concat())
+}
+
+/// The point of a triangle nearest to another.
+#[derive(Clone, Copy)]
+struct Near {
+    point: Vec3,
+    weights: [f32; 3],
+    /// Squared distance [m²].
+    square: f32,
+}
+
+/// The point of triangle `t` nearest to `p`: `muslin_geom`'s in single precision, seen from `p`.
+fn near_triangle(p: Vec3, t: [Vec3; 3]) -> Near {
+    let t = t.map(|c| c - p);
+    let [a, b, c] = t;
+    let (ab, ac) = (b - a, c - a);
+    let (d1, d2) = (-ab.dot(a), -ac.dot(a));
+    let at = |u: f32, v: f32, w: f32| {
+        let off = a * u + b * v + c * w;
+        Near {
+            point: p + off,
+            weights: [u, v, w],
+            square: off.length_squared(),
+        }
+    };
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return at(1.0, 0.0, 0.0);
+    }
+    let (d3, d4) = (-ab.dot(b), -ac.dot(b));
+    if d3 >= 0.0 && d4 <= d3 {
+        return at(0.0, 1.0, 0.0);
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        let v = d1 / (d1 - d3);
+        return at(1.0 - v, v, 0.0);
+    }
+    let (d5, d6) = (-ab.dot(c), -ac.dot(c));
+    if d6 >= 0.0 && d5 <= d6 {
+        return at(0.0, 0.0, 1.0);
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        let w = d2 / (d2 - d6);
+        return at(1.0 - w, 0.0, w);
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        return at(0.0, 1.0 - w, w);
+    }
+    let s = 1.0 / (va + vb + vc);
+    at(1.0 - vb * s - vc * s, vb * s, vc * s)
+}
+
+#[cfg(test)]
+mod tests {
+    use muslin_net::learn::Noise;
+
+    use super::*;
+    use crate::testing::Class;
+
+    #[test]
+    fn a_wall_that_is_followed_is_that_of_the_nearest_skin() {
+        let class = Class::new();
+        let body = Skinned::new((&class.avatar, &class.figure), &class.template);
+        let skin = body.skin(&class.poses[0]);
+        let verts: Vec<DVec3> = skin.verts.iter().map(|p| p.as_dvec3()).collect();
+        let surface = Surface::new(&verts, body.surface.faces());
+        let mut faces = body.nearest(&skin, &verts);
+        let mut noise = Noise::new(5);
+        let (mut n, mut right) = (0, 0);
+        for (p, face) in verts.iter().zip(&mut faces) {
+            let p = *p + DVec3::from_array([0; 3].map(|_| 0.01 * noise.normal()));
+            let wall = body.wall(&skin, p.as_vec3(), face);
+            let truth = surface.closest(p, 0.2).expect("skin is near");
+            if wall == OPEN || truth.signed < 0.0 {
+                continue;
+            }
+            let gap = f64::from(Vec3::from_slice(&wall[..3]).dot(p.as_vec3()) - wall[3]);
+            n += 1;
+            right += usize::from((gap - truth.signed).abs() < 1e-5);
+        }
+        assert!(n > 500 && right as f64 > 0.95 * n as f64, "{right} of {n}");
+        let far = body.wall(&skin, Vec3::splat(9.0), &mut NO_FACE.clone());
+        assert_eq!(far, OPEN);
+    }
 }

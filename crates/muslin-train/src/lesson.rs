@@ -38,7 +38,8 @@ pub struct Plan {
     pub momentum: f32,
     /// What is added to the stiffness that shapes are stepped by [N/m].
     pub damping: f64,
-    /// Distance at which skin begins to push cloth [m].
+    /// Distance at which skin begins to push cloth [m]; the solver's own, so that both come to rest at
+    /// the same place.
     pub gap: f64,
     /// Largest stiffness of skin [N/m] per vertex.
     pub skin: f64,
@@ -60,7 +61,7 @@ impl Default for Plan {
             shape_rate: 0.1,
             momentum: 0.8,
             damping: 0.3,
-            gap: 4e-3,
+            gap: 3e-3,
             skin: 400.0,
             fair: 0.1,
             seed: 1,

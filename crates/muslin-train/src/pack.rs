@@ -3,7 +3,7 @@
 use muslin_body::Pose;
 use muslin_model::Reader;
 
-use crate::body::Skinned;
+use crate::body::{Posed, Skinned};
 use crate::lanes::{LANES, Row};
 
 /// Sixteen poses.
@@ -15,12 +15,13 @@ pub struct Pack {
     pub inputs: Vec<Row>,
     /// Transforms of the bones that the cloth follows.
     pub bones: Vec<[Row; 12]>,
-    /// The wall at every vertex: normal and offset. Empty until it is first asked for.
-    pub walls: Vec<[Row; 4]>,
+    /// The skin's triangle that each vertex was nearest to, in every pose. Empty until it is first
+    /// asked for.
+    pub faces: Vec<[u32; LANES]>,
     /// Walls where cloth meets cloth, by vertex in order.
     pub folds: Vec<(u32, [Row; 4])>,
     /// The skin around the cloth in every pose [m]. Empty until it is first asked for.
-    pub skins: Vec<Vec<[f32; 3]>>,
+    pub skins: Vec<Posed>,
     /// How often it was learnt from.
     pub visits: u64,
 }
@@ -54,18 +55,16 @@ impl Pack {
             poses,
             inputs,
             bones,
-            walls: Vec::new(),
+            faces: Vec::new(),
             folds: Vec::new(),
             skins: Vec::new(),
             visits: 0,
         }
     }
 
-    /// Whether the walls are to be looked for anew: often at first, when the cloth moves much.
-    ///
-    /// Where they are looked for too seldom, a training is thrown back each time.
+    /// Whether the nearest skin is to be looked for anew: often at first, when the cloth moves much.
+    /// Between these looks it is followed from triangle to triangle.
     pub fn is_due(&self) -> bool {
-        self.visits
-            .is_multiple_of(if self.visits < 40 { 2 } else { 5 })
+        matches!(self.visits, 0..=2 | 4 | 8) || self.visits.is_multiple_of(16)
     }
 }

@@ -1,6 +1,6 @@
 //! Poses to learn from.
 
-use glam::DQuat;
+use glam::{DQuat, DVec3};
 use muslin_body::{Avatar, Motion, Pose};
 use muslin_net::learn::Noise;
 
@@ -13,27 +13,50 @@ pub fn sampled(motions: &[Motion], rate: f64) -> Vec<Pose> {
 /// Bones that each part of a body hangs on; what hangs on none of them is the trunk.
 const LIMBS: [&str; 4] = ["clavicle.L", "clavicle.R", "upperleg01.L", "upperleg01.R"];
 
+/// Bones that hang limbs on the trunk.
+const LOOSE: [&str; 4] = [
+    "upperarm01.L",
+    "upperarm01.R",
+    "upperleg01.L",
+    "upperleg01.R",
+];
+/// A bone that turns less than this over all poses stays as it is [rad].
+const TURNS: f64 = 0.5;
+/// Deviation of the turn that is added to bones that turn widely, about each axis [rad].
+const NOISE: f64 = 0.3;
+
 /// `count` new poses, each with trunk, arms and legs of different ones, half of them mirrored.
 ///
 /// A recording shows few of the ways in which arms, legs and trunk go together; cloth at a
-/// shoulder hardly asks what the legs do. Limbs may then pass through the body.
+/// shoulder hardly asks what the legs do. Every limb lies anywhere between two that were shown, and
+/// where it hangs on the trunk it is turned a little more, so that the ways between and around them
+/// are learnt as well. Limbs may then pass through the body.
 pub fn mixed(avatar: &Avatar, poses: &[Pose], (count, noise): (usize, &mut Noise)) -> Vec<Pose> {
     let rig = avatar.rig();
     let limbs: Vec<usize> = LIMBS.iter().filter_map(|b| avatar.bone(b).ok()).collect();
     let of = |b: usize| limbs.iter().position(|l| rig.descends(b, *l));
-    let part: Vec<Option<usize>> = (0..rig.n_bones()).map(of).collect();
+    // Legs keep together, as their feet do.
+    let limb: Vec<Option<usize>> = (0..rig.n_bones()).map(|b| Some(of(b)?.min(2))).collect();
+    let loose: Vec<usize> = (LOOSE.iter())
+        .filter_map(|b| avatar.bone(b).ok())
+        .filter(|b| turns(poses, *b))
+        .collect();
     let twins = twins(avatar);
     let one = |_| {
-        let mut draw = || noise.below(poses.len());
-        let (trunk, arms, legs) = (draw(), [draw(), draw()], draw());
-        let mut pose = poses[trunk].clone();
-        for (b, part) in part.iter().enumerate() {
-            let from = match part {
-                None => continue,
-                Some(k @ (0 | 1)) => arms[*k],
-                Some(_) => legs,
-            };
-            pose.rotations[b] = poses[from].rotations[b];
+        let mut pose = poses[noise.below(poses.len())].clone();
+        let ways = [0; 3].map(|_| {
+            let ends = [0; 2].map(|_| &poses[noise.below(poses.len())]);
+            (ends, noise.unit())
+        });
+        for (b, limb) in limb.iter().enumerate() {
+            if let Some(k) = limb {
+                let ([from, to], t) = ways[*k];
+                pose.rotations[b] = from.rotations[b].slerp(to.rotations[b], t);
+            }
+        }
+        for b in &loose {
+            let turn = DVec3::from_array([0; 3].map(|_| NOISE * noise.normal()));
+            pose.rotations[*b] = DQuat::from_scaled_axis(turn) * pose.rotations[*b];
         }
         if noise.below(2) == 0 {
             pose
@@ -42,6 +65,14 @@ pub fn mixed(avatar: &Avatar, poses: &[Pose], (count, noise): (usize, &mut Noise
         }
     };
     (0..count).map(one).collect()
+}
+
+/// Whether a bone turns widely.
+fn turns(poses: &[Pose], b: usize) -> bool {
+    let first = poses[0].rotations[b];
+    poses
+        .iter()
+        .any(|p| p.rotations[b].angle_between(first) > TURNS)
 }
 
 /// For every bone its like on the other side; itself in the middle.

@@ -39,11 +39,8 @@ impl Trainer<'_> {
         add("queue", Numbers::U32(now.queue.clone()));
         let visits = now.packs.iter().map(|p| p.visits as u32).collect();
         add("visits", Numbers::U32(visits));
-        let planes = now
-            .packs
-            .iter()
-            .flat_map(|p| p.walls.as_flattened().as_flattened());
-        add("planes", Numbers::F32(planes.copied().collect()));
+        let faces = now.packs.iter().flat_map(|p| p.faces.as_flattened());
+        add("faces", Numbers::U32(faces.copied().collect()));
         let folds = now.packs.iter().flat_map(|p| p.folds.iter());
         let bits = folds.flat_map(|f| f.1.as_flattened().iter().copied());
         let counts = now.packs.iter().map(|p| p.folds.len() as u32);
@@ -106,8 +103,8 @@ impl Trainer<'_> {
         {
             return Err(TrainError::OtherTraining("visits"));
         }
-        let planes = floats("planes", None)?;
-        let mut rest = planes.as_chunks::<LANES>().0.as_chunks::<4>().0;
+        let faces = counts("faces")?;
+        let mut rest = faces.as_chunks::<LANES>().0;
         let (fold_counts, fold_verts) = (counts("folds.counts")?, counts("folds.verts")?);
         let folds = floats("folds", Some(4 * LANES * fold_verts.len()))?;
         let fold_planes = folds.as_chunks::<LANES>().0.as_chunks::<4>().0;
@@ -120,8 +117,11 @@ impl Trainer<'_> {
             let n = if visits == 0 { 0 } else { now.walls.len() };
             let (own, later) = rest
                 .split_at_checked(n)
-                .ok_or(TrainError::OtherTraining("planes"))?;
-            pack.walls = own.to_vec();
+                .ok_or(TrainError::OtherTraining("faces"))?;
+            if own.as_flattened().iter().any(|f| !self.body.has(*f)) {
+                return Err(TrainError::OtherTraining("faces"));
+            }
+            pack.faces = own.to_vec();
             rest = later;
         }
         self.now = now;

@@ -4,7 +4,7 @@ use glam::DVec3;
 use muslin_net::learn::{MlpTape, View, multiply};
 use rayon::prelude::*;
 
-use crate::body::{self, Wall as Plane};
+use crate::body::Wall as Plane;
 use crate::folds::gathered;
 use crate::lanes::{LANES, Lane, Row, Vec3};
 use crate::laws::{self, Wall};
@@ -35,8 +35,10 @@ pub(crate) struct Work {
     pub broken: Option<usize>,
 }
 
-/// The walls of a pose: of the body at every vertex, and of the cloth itself at some.
-type Met = (Vec<Plane>, Vec<(u32, Plane)>);
+/// What a pose meets: a triangle of the skin at every vertex, and the cloth itself at some.
+type Met = (Vec<u32>, Vec<(u32, Plane)>);
+/// A pack with the wall at every vertex.
+type Walled<'a> = (&'a Pack, &'a [[Row; 4]]);
 
 impl Trainer<'_> {
     /// Predicts, asks the laws, and goes back as far as the parameters.
@@ -58,15 +60,14 @@ impl Trainer<'_> {
             #[inline(always)]
             || self.carry(pack, &mut x),
         );
-        if pack.is_due() {
-            self.find_walls(pack, &x);
-        }
+        self.look(pack, &x);
+        let walls = self.walls(pack, &x);
         pack.visits += 1;
         let mut work = Work::default();
         let mut g = vec![[0.0; LANES]; 3 * n];
         pulp::Arch::new().dispatch(
             #[inline(always)]
-            || self.ask(pack, (&x, &mut g), &mut work),
+            || self.ask((pack, &walls), (&x, &mut g), &mut work),
         );
         if work.broken.is_some() {
             return work;
@@ -105,31 +106,48 @@ impl Trainer<'_> {
         }
     }
 
-    fn find_walls(&self, pack: &mut Pack, x: &[Row]) {
-        let n = self.cut.n_verts();
+    /// Looks for the nearest skin, and for cloth that meets cloth, where that is due.
+    fn look(&self, pack: &mut Pack, x: &[Row]) {
         if pack.skins.is_empty() {
             let pose = |p: &u32| self.body.skin(&self.pool[*p as usize]);
             pack.skins = pack.poses.par_iter().map(pose).collect();
+        }
+        if !pack.is_due() {
+            return;
         }
         let skins = &pack.skins;
         let each = |lane: usize| {
             let one = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
             let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(one).collect();
-            let mut planes: Vec<Plane> = vec![[0.0; 4]; n];
-            body::walls(&mut self.body.surface(), &skins[lane], &x, &mut planes);
-            (planes, self.folds.find(&x, self.plan.gap))
+            let faces = self.body.nearest(&skins[lane], &x);
+            (faces, self.folds.find(&x, self.plan.gap))
         };
         let all: Vec<Met> = (0..LANES).into_par_iter().map(each).collect();
-        pack.walls = (0..n)
-            .map(|v| [0, 1, 2, 3].map(|c| std::array::from_fn(|lane| all[lane].0[v][c])))
+        pack.faces = (0..self.cut.n_verts())
+            .map(|v| std::array::from_fn(|lane| all[lane].0[v]))
             .collect();
         let folds: Vec<Vec<(u32, Plane)>> = all.into_iter().map(|a| a.1).collect();
         pack.folds = gathered(&folds);
     }
 
+    /// The wall at every vertex: normal and offset.
+    fn walls(&self, pack: &mut Pack, x: &[Row]) -> Vec<[Row; 4]> {
+        let mut out = vec![[[0.0; LANES]; 4]; self.cut.n_verts()];
+        for lane in 0..LANES {
+            let skin = &pack.skins[lane];
+            let each = out.iter_mut().zip(x.as_chunks::<3>().0);
+            for ((out, p), face) in each.zip(&mut pack.faces) {
+                let p = glam::Vec3::from_array(p.map(|row| row[lane]));
+                let wall = self.body.wall(skin, p, &mut face[lane]);
+                (0..4).for_each(|c| out[c][lane] = wall[c]);
+            }
+        }
+        out
+    }
+
     /// Costs of the positions `x`, and their gradient in the rest frame.
     #[inline(always)]
-    fn ask(&self, pack: &Pack, (x, g): (&[Row], &mut [Row]), work: &mut Work) {
+    fn ask(&self, (pack, walls): Walled<'_>, (x, g): (&[Row], &mut [Row]), work: &mut Work) {
         let n = self.cut.n_verts();
         let membrane = laws::membrane(&self.cut, x, g);
         let mut sums = [
@@ -172,7 +190,7 @@ impl Trainer<'_> {
                 }
                 gap
             };
-            let gap = push(&pack.walls[v], &mut force);
+            let gap = push(&walls[v], &mut force);
             under += gap.choose_below(0.0, 1.0, 0.0);
             if let Some(fold) = folds.next_if(|f| f.0 as usize == v) {
                 push(&fold.1, &mut force);
@@ -230,6 +248,8 @@ mod tests {
         let mut pack = trainer.now.packs[0].clone();
         pack.visits = 0;
         trainer.work(&mut pack);
+        // Between two looks.
+        pack.visits = 3;
         let work = trainer.work(&mut pack.clone());
         for which in 0..2 {
             let gradient = if which == 0 {

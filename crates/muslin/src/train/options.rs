@@ -17,7 +17,8 @@ pub struct TrainOptions {
     pub motion: Vec<String>,
     /// Poses of the motions that are learnt from, at most.
     pub poses: usize,
-    /// Poses mixed of those of the motions, besides them.
+    /// Poses mixed of those of the motions, besides them: where recordings are few, these are what
+    /// makes a garment know arms that it was not shown.
     pub mixed: usize,
     /// Motions that are not learnt from but judged at the end.
     pub check: Vec<String>,
@@ -45,8 +46,8 @@ impl Default for TrainOptions {
         Self {
             dress,
             motion: motions::NAMES.map(str::to_owned).to_vec(),
-            poses: 900,
-            mixed: 300,
+            poses: 500,
+            mixed: 900,
             check: Vec::new(),
             steps: plan.steps,
             codes: plan.codes,
