@@ -30,25 +30,25 @@ const MOST_GIVE: [f64; 2] = [0.035, 0.004];
 
 /// Makes the cloth clean, and measures it as `weave`. `cores`: as in [`relief::Frame`].
 pub(crate) fn finish(
-    mut stage: Stage<'_>,
+    stage: &mut Stage<'_>,
     (weave, cores): (&Weave, &[DVec3]),
 ) -> Result<Settled, SimError> {
     let speed_p99 = stage.speed();
     for _ in 0..CLEANINGS {
         stage.find_tangles();
-        let thin = thin_hits(&stage, cores);
+        let thin = thin_hits(stage, cores);
         if thin.is_empty() && !stage.is_tangled() {
             break;
         }
-        cover(&mut stage, thin);
+        cover(stage, thin);
         for _ in 0..2 {
             stage.v.fill(DVec3::ZERO);
             stage.calm_step()?;
         }
     }
-    let yielded = give(&mut stage, cores);
+    let yielded = give(stage, cores);
     let crossing = crossings::crossing_faces(stage.weave, &mut stage.tree, &stage.x).len();
-    let measured = Settled::measure(weave, stage.x, &stage.body.now, crossing);
+    let measured = Settled::measure(weave, stage.x.clone(), &stage.body.now, crossing);
     Ok(Settled {
         steps: stage.steps,
         speed_p99,

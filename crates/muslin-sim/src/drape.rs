@@ -8,7 +8,7 @@ use crate::{
     clean,
     cloth::{Cloth, SimError, finite, same},
     dents::AROUND,
-    loosen::let_go,
+    loosen::{Lie, faults, let_go},
     quality::Settled,
     relief::{Frame, relieve_path},
     stage::{Pace, Stage},
@@ -135,14 +135,39 @@ fn drape_inside(
     };
     let firm = weave.firmer(FIRMER);
     let tugs = (options.tugs, go_on);
-    let converged = let_go((&mut stage, converged), (cloth, &body, &firm), tugs)?;
-    let settled = clean::finish(stage, (&weave, &body.cores))?;
-    let yielded = relief.deepest + settled.yielded;
+    let lies = let_go((&mut stage, converged), (cloth, &body, &firm), tugs)?;
+    let best = finished(&mut stage, &lies, (&weave, cloth, &body))?;
     Ok(Settled {
-        converged,
-        yielded,
-        ..settled
+        yielded: relief.deepest + best.yielded,
+        ..best
     })
+}
+
+/// The first way to lie that ends without fault, or the one whose faults are least.
+fn finished(
+    stage: &mut Stage<'_>,
+    lies: &[Lie],
+    (weave, cloth, body): (&Weave, &Cloth, &Frame),
+) -> Result<Settled, SimError> {
+    let mut best: Option<([bool; 3], Settled)> = None;
+    for lie in lies {
+        if stage.x != lie.x || best.is_some() {
+            stage.body.advance(&body.skin);
+            stage.restore(&lie.x, &vec![DVec3::ZERO; lie.x.len()]);
+        }
+        let settled = Settled {
+            converged: lie.converged,
+            ..clean::finish(stage, (weave, &body.cores))?
+        };
+        let faults = faults(cloth, &settled);
+        if best.as_ref().is_none_or(|b| faults < b.0) {
+            best = Some((faults, settled));
+        }
+        if faults == [false; 3] {
+            break;
+        }
+    }
+    Ok(best.expect("cloth lies in some way").1)
 }
 
 /// Stops where `go_on` says no.

@@ -8,44 +8,62 @@ use glam::DVec3;
 use crate::{
     cloth::{Cloth, SimError},
     drape::{GoOn, asked},
-    quality::{percentile, stretch},
+    quality::{Settled, percentile, stretch},
     relief::{Frame, given},
     stage::Stage,
     weave::Weave,
 };
 
+/// Stretch beyond the limit that is still let pass, as a share of the limit.
+const TOLERATED: f64 = 1.1;
 /// How far the body draws in [m].
 const DEPTH: f64 = 0.015;
 /// Steps of drawing in, of waiting, and of coming back.
 const STEPS: [usize; 3] = [5, 15, 10];
 
-/// Tugs at cloth that is caught, up to `tugs` times, and leaves it as it lay best.
+/// How cloth came to lie.
+pub(crate) struct Lie {
+    /// Stretch as a share of the limit: what one face in a hundred exceeds.
+    strain: f64,
+    /// Positions [m].
+    pub x: Vec<DVec3>,
+    /// Whether it came to rest.
+    pub converged: bool,
+}
+
+/// Tugs at cloth that is caught, up to `tugs` times; all the ways it lay, the least strained first.
 ///
 /// `firm`: the same cloth with firmer walls, which it has from the first tug on. `converged`:
-/// whether it has come to rest; returns whether it has in the end.
+/// whether it has come to rest so far.
 pub(crate) fn let_go<'a>(
     (stage, converged): (&mut Stage<'a>, bool),
     (cloth, body, firm): (&Cloth, &Frame, &'a Weave),
     (tugs, go_on): (usize, GoOn<'_>),
-) -> Result<bool, SimError> {
-    let mut best = (strained(cloth, &stage.x), stage.x.clone(), converged);
-    for _ in 0..tugs {
-        if best.0 <= 1.0 {
-            break;
-        }
+) -> Result<Vec<Lie>, SimError> {
+    let lie = |stage: &Stage<'_>, converged: bool| Lie {
+        strain: strained(cloth, &stage.x),
+        x: stage.x.clone(),
+        converged,
+    };
+    let mut lies = vec![lie(stage, converged)];
+    while lies.len() <= tugs && lies.iter().all(|l| l.strain > 1.0) {
         stage.weave = firm;
         stage.slip_pins();
         loosen(stage, body, go_on)?;
         let converged = stage.settle(go_on)?;
-        let now = strained(cloth, &stage.x);
-        if now < best.0 {
-            best = (now, stage.x.clone(), converged);
-        }
+        lies.push(lie(stage, converged));
     }
-    if best.1 != stage.x {
-        stage.restore(&best.1, &vec![DVec3::ZERO; best.1.len()]);
-    }
-    Ok(best.2)
+    lies.sort_by(|a, b| a.strain.total_cmp(&b.strain));
+    Ok(lies)
+}
+
+/// How bad cloth lies, worst first: in the body, stretched, through itself.
+pub(crate) fn faults(cloth: &Cloth, settled: &Settled) -> [bool; 3] {
+    [
+        settled.body_intersections > 0,
+        strained(cloth, &settled.verts) > TOLERATED,
+        settled.self_crossings > 0,
+    ]
 }
 
 /// What one face in a hundred of some material stretches by at least, as a share of its limit:
