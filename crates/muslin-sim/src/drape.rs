@@ -1,5 +1,7 @@
 //! A drape: along the body's path, then to rest, then made clean.
 
+use std::cell::OnceCell;
+
 use glam::DVec3;
 use muslin_geom::Surface;
 
@@ -133,9 +135,11 @@ fn drape_inside(
         skin: way[way.len() - 1].clone(),
         cores: path[path.len() - 1].cores.clone(),
     };
-    let firm = weave.firmer(FIRMER);
+    // Made only where something is caught.
+    let firm = OnceCell::new();
+    let firmer = || firm.get_or_init(|| weave.firmer(FIRMER));
     let tugs = (options.tugs, go_on);
-    let lies = let_go((&mut stage, converged), (cloth, &body, &firm), tugs)?;
+    let lies = let_go((&mut stage, converged), (cloth, &body, &firmer), tugs)?;
     let best = finished(&mut stage, &lies, (&weave, cloth, &body))?;
     Ok(Settled {
         yielded: relief.deepest + best.yielded,

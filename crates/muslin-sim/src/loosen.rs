@@ -37,7 +37,7 @@ pub(crate) struct Lie {
 /// whether it has come to rest so far.
 pub(crate) fn let_go<'a>(
     (stage, converged): (&mut Stage<'a>, bool),
-    (cloth, body, firm): (&Cloth, &Frame, &'a Weave),
+    (cloth, body, firm): (&Cloth, &Frame, &dyn Fn() -> &'a Weave),
     (tugs, go_on): (usize, GoOn<'_>),
 ) -> Result<Vec<Lie>, SimError> {
     let lie = |stage: &Stage<'_>, converged: bool| Lie {
@@ -47,7 +47,7 @@ pub(crate) fn let_go<'a>(
     };
     let mut lies = vec![lie(stage, converged)];
     while lies.len() <= tugs && lies.iter().all(|l| l.strain > 1.0) {
-        stage.weave = firm;
+        stage.weave = firm();
         stage.slip_pins();
         loosen(stage, body, go_on)?;
         let converged = stage.settle(go_on)?;

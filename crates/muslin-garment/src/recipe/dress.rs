@@ -48,8 +48,8 @@ impl Dress {
     pub(crate) fn cut(&self, stand: &Stand) -> Sheet {
         let (v, hem) = (stand.verts, hem(stand, self.skirt.length));
         let skirt = Sheet::skirt(stand.map).cut(v, |p| p.y - hem).largest();
-        let top = skirt.at(v).iter().map(|p| p.y).fold(f64::MIN, f64::max);
-        self.top.cut_above(stand, top + SEAM).joined(skirt, v)
+        let shirt = self.top.cut_above(stand, stand.skirt_top() + SEAM);
+        shirt.joined(skirt, v)
     }
 
     /// What the dress is cut on.
