@@ -63,6 +63,8 @@ impl Default for Options {
 /// How much firmer the walls at the limits of stretch are where cloth is caught: what is beyond
 /// them then pulls along what is not.
 const FIRMER: f64 = 16.0;
+/// Room in folds of the body on top of what cloth needs, at a careful attempt [m].
+const CAREFUL_ROOM: f64 = 6e-3;
 
 /// Whether to go on; asked from any thread.
 pub(crate) type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
@@ -119,59 +121,107 @@ fn drape_inside(
         let skin = Surface::new(&first.skin, body_faces);
         Carrier::new(&skin, start).worn_on(&skin)
     };
-    let room = options.room(cloth);
-    let (way, relief) = relieve_path(path, body_faces, (&worn_on, AROUND), room);
-    let skin = Surface::new(&way[0], body_faces);
-    let mut stage = Stage::new(&weave, start, skin, cloth, *options);
-    for _ in 0..options.first_steps {
-        stage.step(&Pace::calm(options.step, 0.5))?;
-    }
-    for frame in &way[1..] {
-        asked(go_on)?;
-        stage.follow(frame)?;
-    }
-    let converged = stage.settle(go_on)?;
-    let body = Frame {
-        skin: way[way.len() - 1].clone(),
-        cores: path[path.len() - 1].cores.clone(),
+    let job = Job {
+        cloth,
+        start,
+        path,
+        body_faces,
+        worn_on,
+        firm: OnceCell::new(),
+        weave,
+        options,
+        go_on,
     };
-    // Made only where something is caught.
-    let firm = OnceCell::new();
-    let firmer = || firm.get_or_init(|| weave.firmer(FIRMER));
-    let tugs = (options.tugs, go_on);
-    let lies = let_go((&mut stage, converged), (cloth, &body, &firmer), tugs)?;
-    let best = finished(&mut stage, &lies, (&weave, cloth, &body))?;
-    Ok(Settled {
-        yielded: relief.deepest + best.yielded,
-        ..best
+    let first = job.attempt(false)?;
+    if first.0 == [false; 3] {
+        return Ok(first.1);
+    }
+    let second = job.attempt(true)?;
+    Ok(if second.0 < first.0 {
+        second.1
+    } else {
+        first.1
     })
 }
 
-/// The first way to lie that ends without fault, or the one whose faults are least.
-fn finished(
-    stage: &mut Stage<'_>,
-    lies: &[Lie],
-    (weave, cloth, body): (&Weave, &Cloth, &Frame),
-) -> Result<Settled, SimError> {
-    let mut best: Option<([bool; 3], Settled)> = None;
-    for lie in lies {
-        if stage.x != lie.x || best.is_some() {
-            stage.body.advance(&body.skin);
-            stage.restore(&lie.x, &vec![DVec3::ZERO; lie.x.len()]);
+/// What stays the same however often a drape is tried.
+struct Job<'j> {
+    cloth: &'j Cloth,
+    start: &'j [DVec3],
+    path: &'j [Frame],
+    body_faces: &'j [[u32; 3]],
+    /// Skin vertices that the cloth is worn on.
+    worn_on: Vec<bool>,
+    weave: Weave,
+    /// The same with firmer walls, made only where something is caught.
+    firm: OnceCell<Weave>,
+    options: &'j Options,
+    go_on: GoOn<'j>,
+}
+
+/// How bad cloth lies, and how it lies.
+type Outcome = ([bool; 3], Settled);
+
+impl Job<'_> {
+    /// One drape. `careful`: the body gives way by more where it folds, and thin parts are watched.
+    fn attempt(&self, careful: bool) -> Result<Outcome, SimError> {
+        let (path, options) = (self.path, self.options);
+        let extra = if careful { CAREFUL_ROOM } else { 0.0 };
+        let room = options.room(self.cloth) + extra;
+        let near = (&self.worn_on[..], AROUND);
+        let (way, relief) = relieve_path(path, self.body_faces, near, room);
+        let skin = Surface::new(&way[0], self.body_faces);
+        let mut stage = Stage::new(&self.weave, self.start, skin, self.cloth, *options);
+        if careful {
+            stage.watch_thin(&path[0].cores);
         }
-        let settled = Settled {
-            converged: lie.converged,
-            ..clean::finish(stage, (weave, &body.cores))?
+        for _ in 0..options.first_steps {
+            stage.step(&Pace::calm(options.step, 0.5))?;
+        }
+        for frame in &way[1..] {
+            asked(self.go_on)?;
+            stage.follow(frame)?;
+        }
+        let converged = stage.settle(self.go_on)?;
+        let body = Frame {
+            skin: way[way.len() - 1].clone(),
+            cores: path[path.len() - 1].cores.clone(),
         };
-        let faults = faults(cloth, &settled);
-        if best.as_ref().is_none_or(|b| faults < b.0) {
-            best = Some((faults, settled));
-        }
-        if faults == [false; 3] {
-            break;
-        }
+        let firm = || self.firm.get_or_init(|| self.weave.firmer(FIRMER));
+        let tugs = (options.tugs, self.go_on);
+        let lies = let_go((&mut stage, converged), (self.cloth, &body, &firm), tugs)?;
+        let (faults, best) = self.finished(&mut stage, &lies, &body)?;
+        let yielded = relief.deepest + best.yielded;
+        Ok((faults, Settled { yielded, ..best }))
     }
-    Ok(best.expect("cloth lies in some way").1)
+
+    /// The first way to lie that ends without fault, or the one whose faults are least.
+    fn finished(
+        &self,
+        stage: &mut Stage<'_>,
+        lies: &[Lie],
+        body: &Frame,
+    ) -> Result<Outcome, SimError> {
+        let mut best: Option<Outcome> = None;
+        for lie in lies {
+            if stage.x != lie.x || best.is_some() {
+                stage.body.advance(&body.skin);
+                stage.restore(&lie.x, &vec![DVec3::ZERO; lie.x.len()]);
+            }
+            let settled = Settled {
+                converged: lie.converged,
+                ..clean::finish(stage, (&self.weave, &body.cores))?
+            };
+            let faults = faults(self.cloth, &settled);
+            if best.as_ref().is_none_or(|b| faults < b.0) {
+                best = Some((faults, settled));
+            }
+            if faults == [false; 3] {
+                break;
+            }
+        }
+        Ok(best.expect("cloth lies in some way"))
+    }
 }
 
 /// Stops where `go_on` says no.

@@ -14,8 +14,8 @@ use crate::{
     weave::Weave,
 };
 
-/// Stretch beyond the limit that is still let pass, as a share of the limit.
-const TOLERATED: f64 = 1.1;
+/// Stretch beyond the limit that is still let pass.
+const TOLERATED: f64 = 0.01;
 /// How far the body draws in [m].
 const DEPTH: f64 = 0.015;
 /// Steps of drawing in, of waiting, and of coming back.
@@ -23,8 +23,8 @@ const STEPS: [usize; 3] = [5, 15, 10];
 
 /// How cloth came to lie.
 pub(crate) struct Lie {
-    /// Stretch as a share of the limit: what one face in a hundred exceeds.
-    strain: f64,
+    /// Stretch beyond the limit: what one face in a hundred exceeds.
+    beyond: f64,
     /// Positions [m].
     pub x: Vec<DVec3>,
     /// Whether it came to rest.
@@ -41,19 +41,19 @@ pub(crate) fn let_go<'a>(
     (tugs, go_on): (usize, GoOn<'_>),
 ) -> Result<Vec<Lie>, SimError> {
     let lie = |stage: &Stage<'_>, converged: bool| Lie {
-        strain: strained(cloth, &stage.x),
+        beyond: beyond(cloth, &stage.x),
         x: stage.x.clone(),
         converged,
     };
     let mut lies = vec![lie(stage, converged)];
-    while lies.len() <= tugs && lies.iter().all(|l| l.strain > 1.0) {
+    while lies.len() <= tugs && lies.iter().all(|l| l.beyond > 0.0) {
         stage.weave = firm();
         stage.slip_pins();
         loosen(stage, body, go_on)?;
         let converged = stage.settle(go_on)?;
         lies.push(lie(stage, converged));
     }
-    lies.sort_by(|a, b| a.strain.total_cmp(&b.strain));
+    lies.sort_by(|a, b| a.beyond.total_cmp(&b.beyond));
     Ok(lies)
 }
 
@@ -61,26 +61,26 @@ pub(crate) fn let_go<'a>(
 pub(crate) fn faults(cloth: &Cloth, settled: &Settled) -> [bool; 3] {
     [
         settled.body_intersections > 0,
-        strained(cloth, &settled.verts) > TOLERATED,
+        beyond(cloth, &settled.verts) > TOLERATED,
         settled.self_crossings > 0,
     ]
 }
 
-/// What one face in a hundred of some material stretches by at least, as a share of its limit:
-/// the material's for which that is most.
-fn strained(cloth: &Cloth, x: &[DVec3]) -> f64 {
+/// What one face in a hundred of some material stretches by at least, less its limit: the
+/// material's for which that is most.
+fn beyond(cloth: &Cloth, x: &[DVec3]) -> f64 {
     let all = stretch(&cloth.faces, &cloth.rest, x);
     let limits = cloth.materials.iter().map(|m| m.limit).enumerate();
-    let share = |(k, limit): (usize, f64)| {
+    let beyond = |(k, limit): (usize, f64)| {
         let own = all.iter().zip(&cloth.material_of);
         let mut own: Vec<f64> = own
             .filter(|(_, of)| **of as usize == k)
             .map(|p| *p.0)
             .collect();
-        percentile(&mut own, 0.99) / limit
+        percentile(&mut own, 0.99) - limit
     };
     let limited = limits.filter_map(|(k, l)| Some((k, l?)));
-    limited.map(share).fold(0.0, f64::max)
+    limited.map(beyond).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// Takes the body in and out again, the cloth moving freely all the while.

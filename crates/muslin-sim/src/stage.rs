@@ -20,7 +20,7 @@ use crate::{
     ordered,
     pairs::{Pair, Rule},
     pattern::Rows,
-    quality, safe,
+    quality, relief, safe,
     simulate::State,
     touch::Touch,
     weave::Weave,
@@ -46,6 +46,8 @@ pub(crate) struct Stage<'a> {
     tangled: Vec<bool>,
     /// Faces that something thin of the body pokes through.
     pub poked: Vec<u32>,
+    /// Vertices of the skin that might poke through between two vertices of the cloth.
+    thin: Vec<u32>,
     pub steps: usize,
 }
 
@@ -86,6 +88,8 @@ const SLACK: f64 = 3.5e-3;
 const TOUCHING: f64 = 5e-4;
 /// Skin this close to cloth must not jump [m].
 const NEARBY: f64 = 0.025;
+/// Thin parts of the body are watched from this far beyond the gap on [m].
+const WATCHED: f64 = 4e-3;
 /// Most that skin may move past nearby cloth in one piece of its way [m].
 const FASTEST: f64 = 0.008;
 /// Most pieces that a step of the path is cut into.
@@ -121,6 +125,7 @@ impl<'a> Stage<'a> {
             before: start.to_vec(),
             tangled: vec![false; start.len()],
             poked: Vec::new(),
+            thin: Vec::new(),
             steps: 0,
             weave,
             options,
@@ -128,6 +133,30 @@ impl<'a> Stage<'a> {
         };
         stage.find_tangles();
         stage
+    }
+
+    /// From now on, where thin parts of the body come near the cloth it touches with its faces, not
+    /// with its vertices alone. `cores`: as in [`relief::Frame`].
+    pub fn watch_thin(&mut self, cores: &[DVec3]) {
+        let skin = &self.body.now;
+        let thin = |i: &u32| !relief::is_soft(skin, cores, *i as usize);
+        self.thin = (0..skin.verts().len() as u32).filter(thin).collect();
+    }
+
+    /// Faces near thin parts of the body count as poked through, before they are.
+    fn watch(&mut self) {
+        if self.thin.is_empty() {
+            return;
+        }
+        self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
+        let reach = self.options.gap + WATCHED;
+        self.poked.clear();
+        for &i in &self.thin {
+            let around = Aabb::of(&[self.body.now.verts()[i as usize]]).grown(reach);
+            self.tree.near(&around, |f| self.poked.push(f));
+        }
+        self.poked.sort_unstable();
+        self.poked.dedup();
     }
 
     /// Takes the body to its next frame, in pieces so small that no skin jumps over cloth.
@@ -262,6 +291,7 @@ impl<'a> Stage<'a> {
 
     /// One time step.
     pub fn step(&mut self, pace: &Pace) -> Result<(), SimError> {
+        self.watch();
         if self.is_tangled() {
             self.untangle();
         }

@@ -137,6 +137,32 @@ fn a_tube_stays_clean_while_an_arm_comes_down_beside_it_and_all_walk_away() {
 }
 
 #[test]
+fn a_finger_thinner_than_the_weave_does_not_poke_through() {
+    let (cloth, start) = tube((0.2, 0.2), (0.85, 0.42), 0.018, cotton());
+    let scene = |depth: f64| {
+        let (mut verts, mut faces) = capsule(DVec3::Y * 0.9, DVec3::Y * 1.35, 0.14, 40);
+        let tip = DVec3::new(0.004, 1.003, 0.23 - depth);
+        let (finger, finger_faces) = capsule(tip + DVec3::Z * 0.12, tip, 0.006, 10);
+        let base = verts.len() as u32;
+        verts.extend(finger);
+        faces.extend(finger_faces.iter().map(|f| f.map(|i| i + base)));
+        (verts, faces)
+    };
+    let path: Vec<Frame> = (0..=12)
+        .map(|k| scene(0.004 * f64::from(k)).0.into())
+        .collect();
+    let body_faces = scene(0.0).1;
+    let settled = drape(&cloth, &start, (&path, &body_faces), &Options::default());
+    let settled = settled.expect("valid scene");
+    look(
+        "finger",
+        &[(&settled.body, &body_faces), (&settled.verts, &cloth.faces)],
+    );
+    assert_clean(&settled);
+    assert_eq!(settled.body, path[12].skin, "it is pushed, not dented");
+}
+
+#[test]
 fn cloth_that_is_too_tight_is_tugged_at_and_the_body_is_back_where_it_was() {
     // A finger wide is what the tube lacks: no tug can help, and none may harm.
     let mut material = cotton();
