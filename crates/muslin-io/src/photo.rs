@@ -8,6 +8,7 @@ mod jpeg;
 mod png;
 mod webp;
 
+use std::borrow::Cow;
 use std::io::Cursor;
 use std::path::Path;
 
@@ -95,8 +96,12 @@ pub fn decode_photo(input: &Input, limits: &PhotoLimits) -> Result<Image, IoErro
 
 /// Lays a picture with straight alpha over one colour, so that it hides nothing any more.
 ///
-/// What stands behind a transparent pixel is arbitrary; a detector must not see it.
-pub fn flatten(image: &Image, background: [u8; 3]) -> Image {
+/// What stands behind a transparent pixel is arbitrary; a detector must not see it. A picture that
+/// hides nothing is lent as it is.
+pub fn flatten(image: &Image, background: [u8; 3]) -> Cow<'_, Image> {
+    if image.pixels.iter().all(|p| p[3] == 255) {
+        return Cow::Borrowed(image);
+    }
     let over = |&[r, g, b, a]: &[u8; 4]| {
         let mix = |c: u8, back: u8| {
             let sum = u32::from(c) * u32::from(a) + u32::from(back) * (255 - u32::from(a));
@@ -109,10 +114,10 @@ pub fn flatten(image: &Image, background: [u8; 3]) -> Image {
             255,
         ]
     };
-    Image {
+    Cow::Owned(Image {
         pixels: image.pixels.iter().map(over).collect(),
         ..*image
-    }
+    })
 }
 
 /// Checks a size [pixels] against the limits.
@@ -166,12 +171,19 @@ fn decode(
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let mut picture = DynamicImage::from_decoder(decoder).map_err(damaged)?;
     picture.apply_orientation(orientation);
-    let rgba = picture.into_rgba8();
-    let (width, height) = (rgba.width() as usize, rgba.height() as usize);
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let pixels = match picture {
+        // What most photos are, without a copy in between.
+        DynamicImage::ImageRgb8(rgb) => {
+            let rgb = rgb.as_chunks::<3>().0.iter();
+            rgb.map(|&[r, g, b]| [r, g, b, 255]).collect()
+        }
+        other => other.into_rgba8().as_chunks::<4>().0.to_vec(),
+    };
     Ok(Image {
         width,
         height,
-        pixels: rgba.as_chunks::<4>().0.to_vec(),
+        pixels,
     })
 }
 
