@@ -107,6 +107,11 @@ impl Garment {
         Ok(garment)
     }
 
+    /// Whether much of it may hang where no body is: skirts, dresses, and what a user brought.
+    pub fn hangs_freely(&self) -> bool {
+        !matches!(self.recipe, Some(Recipe::Tee(_) | Recipe::Trousers(_)))
+    }
+
     /// How many vertices it has.
     pub fn n_verts(&self) -> usize {
         self.binding.n_rows()

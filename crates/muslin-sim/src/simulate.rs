@@ -8,7 +8,6 @@ use muslin_geom::Surface;
 use crate::{
     clean,
     cloth::{Cloth, SimError, finite, same},
-    coarse::Handles,
     dents::Dents,
     drape::{GoOn, Options, asked},
     relief::Frame,
@@ -116,8 +115,11 @@ impl<'a> Run<'a> {
         (walk, options): (&'a Walk<'a>, &Options),
     ) -> Result<Run<'a>, SimError> {
         let skin = Surface::new(walk.rest, walk.faces);
-        let mut stage = Stage::new(weave, start, skin, cloth, *options);
-        stage.handles = Handles::new(&weave.pattern.near);
+        let options = Options {
+            handles: true,
+            ..*options
+        };
+        let stage = Stage::new(weave, start, skin, cloth, options);
         let dents = Dents::new(walk, stage.worn_on(), options.room(cloth));
         let frame = resume.map_or(0, |s| s.frame);
         let mut run = Run {

@@ -33,8 +33,8 @@ pub(crate) struct Stage<'a> {
     pub body: Body,
     carrier: Carrier,
     pins: Vec<(u32, Held)>,
-    /// For cloth in motion, whose waves cross it faster than iterations on vertices do.
-    pub handles: Option<Handles>,
+    /// Where waves cross the cloth faster than iterations on vertices do.
+    handles: Option<Handles>,
     pub tree: Bvh,
     near: Neighbours,
     /// Positions [m], velocities relative to the body [m/s].
@@ -114,9 +114,10 @@ impl<'a> Stage<'a> {
             let inverse = carrier.frame(p as usize, &carry::Skin::of(&skin)).inverse();
             (p, inverse.transform_point3(start[p as usize]))
         };
+        let handles = options.handles.then(|| Handles::new(&weave.pattern.near));
         let mut stage = Stage {
             pins: cloth.pins.iter().map(held).collect(),
-            handles: None,
+            handles: handles.flatten(),
             tree: Bvh::over(&face_boxes(start, &weave.faces)),
             body: Body::new(skin, start.len()),
             near: Neighbours::default(),

@@ -90,7 +90,11 @@ pub fn drape_outfit(
     let start: Vec<DVec3> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
     let path = sitter.path(avatar, TURN);
     let body = (path.as_slice(), avatar.collision_faces());
-    let (options, go_on) = (Options::default(), watch.may_go_on());
+    let options = Options {
+        handles: outfit.pieces.iter().any(|p| p.garment.hangs_freely()),
+        ..Options::default()
+    };
+    let go_on = watch.may_go_on();
     let settled = drape_while(&cloth, &start, body, (&options, &go_on));
     // Where it stopped because it was asked to, that is the answer.
     watch.go_on()?;

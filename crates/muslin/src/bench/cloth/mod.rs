@@ -361,6 +361,13 @@ mod tests {
     }
 
     #[test]
+    fn a_disc_drapes_alike_however_fine_its_mesh() {
+        let silk = Fabric::named("silk-charmeuse").expect("a preset");
+        let [coarse, fine] = [12e-3, 7e-3].map(|edge| drape_coefficient(&silk, edge));
+        assert!((coarse - fine).abs() <= 4.0, "{coarse} and {fine} %");
+    }
+
+    #[test]
     fn a_shadow_is_as_large_as_what_casts_it() {
         let piece = scenes::disc(0.15, 0.03);
         let flat = placed(&piece, |p| DVec3::new(p.x, 0.2, -p.y));

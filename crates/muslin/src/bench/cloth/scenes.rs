@@ -253,6 +253,7 @@ pub fn at_rest(cloth: &Cloth, start: &[DVec3], on: &Still, still: f64) -> Vec<DV
         last_steps: 4000,
         still,
         pin: CLAMP,
+        handles: true,
         ..Options::default()
     };
     let path = [on.verts.clone().into()];
