@@ -86,8 +86,8 @@ impl Options {
 ///
 /// `start`: positions [m], outside the body's first frame as far as possible; `path`: the body per
 /// step, first the pose of `start`; `body_faces`: its triangles, outward. Cloth that is caught or
-/// starts inside is brought out where that can be done; what remains is counted in the result,
-/// never hidden.
+/// starts inside is brought out where that can be done, and what ends with a fault is tried a second
+/// time with more care; what remains is counted in the result, never hidden.
 pub fn drape(
     cloth: &Cloth,
     start: &[DVec3],

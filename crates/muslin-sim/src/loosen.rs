@@ -14,8 +14,8 @@ use crate::{
     weave::Weave,
 };
 
-/// Stretch beyond the limit that is still let pass.
-const TOLERATED: f64 = 0.01;
+/// Stretch beyond a material's limit that is still let pass, for one face in a hundred.
+pub const BEYOND_LIMIT: f64 = 0.01;
 /// How far the body draws in [m].
 const DEPTH: f64 = 0.015;
 /// Steps of drawing in, of waiting, and of coming back.
@@ -61,7 +61,7 @@ pub(crate) fn let_go<'a>(
 pub(crate) fn faults(cloth: &Cloth, settled: &Settled) -> [bool; 3] {
     [
         settled.body_intersections > 0,
-        beyond(cloth, &settled.verts) > TOLERATED,
+        beyond(cloth, &settled.verts) > BEYOND_LIMIT,
         settled.self_crossings > 0,
     ]
 }

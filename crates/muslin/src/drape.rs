@@ -5,7 +5,7 @@ use muslin_body::{Avatar, Figure};
 use muslin_energy::{hinge::Bend, membrane::Stretch};
 use muslin_garment::{Fabric, Worn};
 use muslin_geom::Drape;
-use muslin_sim::{Cloth, Material, Options, Settled, drape_while, stretch};
+use muslin_sim::{BEYOND_LIMIT, Cloth, Material, Options, Settled, drape_while, stretch};
 
 use crate::failure::{Exit, Failure};
 use crate::figure::Sitter;
@@ -31,9 +31,6 @@ pub struct Quality {
     /// For each garment: 99th percentile of its faces' stretch, and its fabric's limit.
     pub stretch: Vec<(f64, Option<f64>)>,
 }
-
-/// Allowed above a fabric's strain limit.
-pub(crate) const BEYOND_LIMIT: f64 = 0.01;
 
 /// Largest turn of a joint in one step on the way to the pose [rad].
 const TURN: f64 = 0.09;

@@ -2,10 +2,10 @@
 
 use muslin_geom::{Mesh, Report, self_intersections};
 use muslin_io::Clip;
-use muslin_sim::stretch;
+use muslin_sim::{BEYOND_LIMIT, stretch};
 use rayon::prelude::*;
 
-use crate::drape::{BEYOND_LIMIT, percentile_99};
+use crate::drape::percentile_99;
 use crate::failure::{Exit, Failure};
 
 use super::reel::Told;
