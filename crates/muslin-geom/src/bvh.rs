@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 mod meeting;
 
-pub use meeting::OnTheWay;
+pub use meeting::Swept;
 
 /// An axis-aligned box [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,7 +80,8 @@ impl Aabb {
 
 /// Boxes of triangles, in their order.
 pub fn face_boxes(verts: &[DVec3], faces: &[[u32; 3]]) -> Vec<Aabb> {
-    faces.iter().map(|&f| Aabb::of_face(verts, f)).collect()
+    let faces = faces.par_iter().with_min_len(4096);
+    faces.map(|&f| Aabb::of_face(verts, f)).collect()
 }
 
 /// `count` primitives from `first` in a leaf; otherwise the children are the next node and `first`.

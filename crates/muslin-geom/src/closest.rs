@@ -1,6 +1,7 @@
 //! Closest points, and the signed distance to a surface.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::bvh::{Aabb, Bvh, face_boxes};
 
@@ -278,29 +279,39 @@ impl Surface {
     }
 
     fn find_normals(&mut self) {
-        self.face_normals.clear();
+        let verts = &self.verts;
+        let faces = self.faces.par_iter().with_min_len(MANY);
+        let turned = |f: &[u32; 3]| normal_and_angles(&f.map(|i| verts[i as usize]));
+        let (normals, angles): (Vec<DVec3>, Vec<[f64; 3]>) = faces.map(turned).unzip();
         self.edge_normals.clear();
         self.edge_normals.resize(self.n_edges, DVec3::ZERO);
         self.vertex_normals.clear();
         self.vertex_normals.resize(self.verts.len(), DVec3::ZERO);
-        for (f, e) in self.faces.iter().zip(&self.face_edges) {
-            let x = f.map(|i| self.verts[i as usize]);
-            let n = (x[1] - x[0]).cross(x[2] - x[0]).normalize_or_zero();
-            self.face_normals.push(n);
-            for k in 0..3 {
-                self.edge_normals[e[k] as usize] += n;
-                self.vertex_normals[f[k] as usize] += n * corner_angle(&x, k);
+        for (k, (f, e)) in self.faces.iter().zip(&self.face_edges).enumerate() {
+            for c in 0..3 {
+                self.edge_normals[e[c] as usize] += normals[k];
+                self.vertex_normals[f[c] as usize] += normals[k] * angles[k][c];
             }
         }
+        self.face_normals = normals;
         let unit = |v: &mut DVec3| *v = v.normalize_or_zero();
         self.edge_normals.iter_mut().for_each(unit);
         self.vertex_normals.iter_mut().for_each(unit);
     }
 }
 
-fn corner_angle(x: &[DVec3; 3], k: usize) -> f64 {
-    let (a, b) = (x[(k + 1) % 3] - x[k], x[(k + 2) % 3] - x[k]);
-    a.cross(b).length().atan2(a.dot(b))
+/// Faces that are worth handing to another thread.
+const MANY: usize = 2048;
+
+/// Unit normal of a triangle, zero where it has no area, and the angles at its corners.
+fn normal_and_angles(x: &[DVec3; 3]) -> (DVec3, [f64; 3]) {
+    let (a, b, c) = (x[1] - x[0], x[2] - x[0], x[2] - x[1]);
+    let n = a.cross(b);
+    let twice = n.length();
+    // The same area lies between any two sides, and the angles sum to half a turn.
+    let (first, second) = (twice.atan2(a.dot(b)), twice.atan2(-a.dot(c)));
+    let third = (std::f64::consts::PI - first - second).max(0.0);
+    (n.normalize_or_zero(), [first, second, third])
 }
 
 /// Where the way from `p` by `d` passes through a triangle, and whether along its normal.

@@ -20,6 +20,8 @@ pub(crate) struct Bending {
     pub far: Rows,
     /// Their entries [N/m].
     pub far_weights: Vec<f64>,
+    /// The same in single precision.
+    pub far_single: Vec<f32>,
 }
 
 impl Bending {
@@ -39,6 +41,7 @@ impl Bending {
         Bending {
             near,
             far,
+            far_single: far_weights.iter().map(|w| *w as f32).collect(),
             far_weights,
         }
     }

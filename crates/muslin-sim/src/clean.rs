@@ -8,12 +8,7 @@
 use glam::DVec3;
 
 use crate::{
-    cloth::SimError,
-    crossings,
-    pattern::Pattern,
-    quality::{self, Settled},
-    relief,
-    stage::Stage,
+    cloth::SimError, crossings, pattern::Pattern, quality::Settled, relief, stage::Stage,
     weave::Weave,
 };
 
@@ -48,7 +43,8 @@ pub(crate) fn finish(
     }
     let yielded = give(stage, cores);
     let crossing = crossings::crossing_faces(stage.weave, &mut stage.tree, &stage.x).len();
-    let measured = Settled::measure(weave, stage.x.clone(), &stage.body.now, crossing);
+    let meeting = stage.in_body().len();
+    let measured = Settled::measure(weave, stage.x.clone(), &stage.body.now, (crossing, meeting));
     Ok(Settled {
         steps: stage.steps,
         speed_p99,
@@ -70,7 +66,7 @@ pub(crate) fn tidy(
     if yielded == 0.0 {
         return Ok((skin, 0.0, 0));
     }
-    let left = quality::body_intersections(stage.weave, &stage.x, &stage.body.now).len();
+    let left = stage.in_body().len();
     let dented = stage.body.now.verts().to_vec();
     stage.body.now.refit(&skin);
     stage.body.forget();
@@ -78,9 +74,9 @@ pub(crate) fn tidy(
 }
 
 /// Faces of the cloth that something thin of the body pokes through.
-fn thin_hits(stage: &Stage<'_>, cores: &[DVec3]) -> Vec<u32> {
+fn thin_hits(stage: &mut Stage<'_>, cores: &[DVec3]) -> Vec<u32> {
+    let hits = stage.in_body();
     let skin = &stage.body.now;
-    let hits = quality::body_intersections(stage.weave, &stage.x, skin);
     let is_thin = |hit: &&[u32; 2]| {
         let corners = skin.faces()[hit[1] as usize];
         !corners
@@ -112,7 +108,7 @@ fn give(stage: &mut Stage<'_>, cores: &[DVec3]) -> f64 {
     let mut given = vec![0.0; n];
     let mut pattern = None;
     for _ in 0..YIELDS {
-        let hits = quality::body_intersections(stage.weave, &stage.x, &stage.body.now);
+        let hits = stage.in_body();
         if hits.is_empty() {
             break;
         }

@@ -6,10 +6,10 @@
 //! handles do to the energy is `Pᵀ A P`, solved exactly (additive Schwarz with a coarse space:
 //! Dryja and Widlund 1987, as used for cloth by Wu and others 2022).
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Mat3A, Vec3A};
 
 use crate::{
-    matrix::{Matrix, STENCIL},
+    matrix::{Matrix, STENCIL, narrow, wide},
     ordered,
     pattern::{Pattern, Rows},
 };
@@ -25,9 +25,9 @@ pub(crate) struct Handles {
     /// For every vertex the handles that move it.
     of: Rows,
     /// Their shares, one per entry of `of`.
-    shares: Vec<f64>,
+    shares: Vec<f32>,
     /// For every handle the vertices it moves, and their shares in it.
-    moved: Vec<Vec<(u32, f64)>>,
+    moved: Vec<Vec<(u32, f32)>>,
 }
 
 impl Handles {
@@ -39,23 +39,23 @@ impl Handles {
             .map(|s| (s, centres(near, s)))
             .find(|(_, c)| c.len() <= MOST)?;
         let n = near.start.len() - 1;
-        let width = f64::from(spacing) * 1.5;
+        let width = spacing as f32 * 1.5;
         let mut entries = Vec::new();
         for (c, &centre) in centres.iter().enumerate() {
             around(near, centre, 3 * spacing / 2, |v, far| {
-                entries.push((v, c as u32, 1.0 - f64::from(far) / width));
+                entries.push((v, c as u32, 1.0 - far as f32 / width));
             });
         }
         let pairs: Vec<(u32, u32)> = (0..).zip(&entries).map(|(k, e)| (e.0, k)).collect();
         let mut of = Rows::counted(n, &pairs);
-        let mut shares: Vec<f64> = of.items.iter().map(|&k| entries[k as usize].2).collect();
+        let mut shares: Vec<f32> = of.items.iter().map(|&k| entries[k as usize].2).collect();
         let mut moved = vec![Vec::new(); centres.len()];
         of.items
             .iter_mut()
             .for_each(|k| *k = entries[*k as usize].1);
         for v in 0..n {
             let span = of.span(v);
-            let total: f64 = shares[span.clone()].iter().sum();
+            let total: f32 = shares[span.clone()].iter().sum();
             for k in span {
                 shares[k] /= total;
                 moved[of.items[k] as usize].push((v as u32, shares[k]));
@@ -69,7 +69,7 @@ impl Handles {
     }
 
     /// The handles that move a vertex, and their shares.
-    fn row(&self, v: usize) -> impl Iterator<Item = (usize, f64)> {
+    fn row(&self, v: usize) -> impl Iterator<Item = (usize, f32)> {
         let span = self.of.span(v);
         let items = self.of.items[span.clone()].iter().map(|&h| h as usize);
         items.zip(self.shares[span].iter().copied())
@@ -109,7 +109,7 @@ fn around(near: &Rows, from: u32, limit: u32, mut visit: impl FnMut(u32, u32)) {
 /// The second part of a preconditioner.
 pub(crate) enum Far<'a> {
     /// Every piece as a whole: the inverse of the sum of its blocks.
-    Wholes(&'a Pattern, Vec<DMat3>),
+    Wholes(&'a Pattern, Vec<Mat3A>),
     /// By handles.
     Handles(&'a Handles, Factor),
 }
@@ -130,7 +130,7 @@ impl<'a> Far<'a> {
     }
 
     /// Adds what pulls at vertex `i` to the sums of its parts.
-    pub fn gather(&self, i: usize, pull: DVec3, sums: &mut [DVec3]) {
+    pub fn gather(&self, i: usize, pull: Vec3A, sums: &mut [Vec3A]) {
         match self {
             Far::Wholes(pattern, _) => sums[pattern.pieces[i] as usize] += pull,
             Far::Handles(h, _) => h.row(i).for_each(|(a, share)| sums[a] += pull * share),
@@ -138,7 +138,7 @@ impl<'a> Far<'a> {
     }
 
     /// How every part moves under these pulls.
-    pub fn moves(&self, sums: &[DVec3]) -> Vec<DVec3> {
+    pub fn moves(&self, sums: &[Vec3A]) -> Vec<Vec3A> {
         match self {
             Far::Wholes(_, inverses) => inverses.iter().zip(sums).map(|(m, s)| *m * *s).collect(),
             Far::Handles(_, factor) => factor.solve(sums),
@@ -146,7 +146,7 @@ impl<'a> Far<'a> {
     }
 
     /// What these moves of the parts are at vertex `i`.
-    pub fn at(&self, i: usize, moves: &[DVec3]) -> DVec3 {
+    pub fn at(&self, i: usize, moves: &[Vec3A]) -> Vec3A {
         match self {
             Far::Wholes(pattern, _) => moves[pattern.pieces[i] as usize],
             Far::Handles(h, _) => h.row(i).map(|(a, share)| moves[a] * share).sum(),
@@ -155,12 +155,12 @@ impl<'a> Far<'a> {
 }
 
 /// What moves every piece as a whole: inverses of the sums of its blocks.
-fn inverse_wholes(matrix: &Matrix<'_>) -> Vec<DMat3> {
+fn inverse_wholes(matrix: &Matrix<'_>) -> Vec<Mat3A> {
     let pattern = matrix.pattern;
     let rows = ordered::map(pattern.pieces.len(), |i| {
         let mut sum = DMat3::ZERO;
         for k in pattern.near.span(i) {
-            sum += DMat3::from_cols_array(&matrix.blocks[k].map(f64::from));
+            sum += wide(&matrix.blocks[k]);
         }
         let far = matrix.bending.far.span(i);
         let far = far.map(|k| matrix.bending.far_weights[k]);
@@ -176,7 +176,7 @@ fn inverse_wholes(matrix: &Matrix<'_>) -> Vec<DMat3> {
                 let [p, q] = [a, b].map(|k| pattern.pieces[link.verts[k] as usize]);
                 if p == q {
                     let w = link.weights[a] * link.weights[b];
-                    wholes[p as usize] += link.stiffness * w;
+                    wholes[p as usize] += wide(&link.stiffness) * f64::from(w);
                 }
             }
         }
@@ -184,33 +184,33 @@ fn inverse_wholes(matrix: &Matrix<'_>) -> Vec<DMat3> {
     let inverse = |m: &DMat3| Some(m.inverse()).filter(|m| m.is_finite());
     wholes
         .iter()
-        .map(|m| inverse(m).unwrap_or(DMat3::ZERO))
+        .map(|m| narrow(&inverse(m).unwrap_or(DMat3::ZERO)))
         .collect()
 }
 
 /// The matrix as handles see it: for every handle the blocks to those before it and itself.
-fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<DMat3>> {
+fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<Mat3A>> {
     use rayon::prelude::*;
     let (near, far) = (&matrix.pattern.near, &matrix.bending.far);
     let row = |a: usize| {
-        let mut row = vec![DMat3::ZERO; a + 1];
+        let mut row = vec![Mat3A::ZERO; a + 1];
+        let mut add = |j: u32, block: Mat3A| {
+            let before = handles.row(j as usize).take_while(|h| h.0 <= a);
+            before.for_each(|(b, other)| row[b] += block * other);
+        };
         for &(i, share) in &handles.moved[a] {
-            let i = i as usize;
-            for k in near.span(i) {
-                let block = DMat3::from_cols_array(&matrix.blocks[k].map(f64::from)) * share;
-                let before = handles.row(near.items[k] as usize).take_while(|h| h.0 <= a);
-                before.for_each(|(b, other)| row[b] += block * other);
+            for k in near.span(i as usize) {
+                add(near.items[k], matrix.blocks[k] * share);
             }
-            for k in far.span(i) {
-                let pull = DVec3::splat(matrix.bending.far_weights[k] * share);
-                let before = handles.row(far.items[k] as usize).take_while(|h| h.0 <= a);
-                before.for_each(|(b, other)| row[b] += DMat3::from_diagonal(pull * other));
+            for k in far.span(i as usize) {
+                let pull = Vec3A::splat(matrix.bending.far_single[k] * share);
+                add(far.items[k], Mat3A::from_diagonal(pull.into()));
             }
         }
         row
     };
-    let mut rows: Vec<Vec<DMat3>> = (0..handles.len()).into_par_iter().map(row).collect();
-    let mut pulls: Vec<(usize, f64)> = Vec::new();
+    let mut rows: Vec<Vec<Mat3A>> = (0..handles.len()).into_par_iter().map(row).collect();
+    let mut pulls: Vec<(usize, f32)> = Vec::new();
     for link in &matrix.links {
         pulls.clear();
         for k in (0..STENCIL).filter(|&k| link.weights[k] != 0.0) {
@@ -233,16 +233,16 @@ fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<DMat3>> {
 }
 
 /// A Cholesky factor: the rows of `L`, up to the diagonal.
-pub(crate) struct Factor(Vec<Vec<f64>>);
+pub(crate) struct Factor(Vec<Vec<f32>>);
 
 impl Factor {
     /// Factors a matrix of 3×3 blocks given up to the diagonal; none if it is not positive.
-    fn new(blocks: &[Vec<DMat3>]) -> Option<Factor> {
-        let mut rows: Vec<Vec<f64>> = Vec::with_capacity(3 * blocks.len());
+    fn new(blocks: &[Vec<Mat3A>]) -> Option<Factor> {
+        let mut rows: Vec<Vec<f32>> = Vec::with_capacity(3 * blocks.len());
         for block_row in blocks {
             for r in 0..3 {
                 let i = rows.len();
-                let mut row: Vec<f64> = Vec::with_capacity(i + 1);
+                let mut row: Vec<f32> = Vec::with_capacity(i + 1);
                 for j in 0..=i {
                     let here = block_row[j / 3].col(j % 3)[r];
                     let left = here - dot(&row[..j], rows.get(j).map_or(&row[..j], |l| &l[..j]));
@@ -258,8 +258,8 @@ impl Factor {
         Some(Factor(rows))
     }
 
-    fn solve(&self, b: &[DVec3]) -> Vec<DVec3> {
-        let mut y: Vec<f64> = b.iter().flat_map(|b| b.to_array()).collect();
+    fn solve(&self, b: &[Vec3A]) -> Vec<Vec3A> {
+        let mut y: Vec<f32> = b.iter().flat_map(|b| b.to_array()).collect();
         for i in 0..y.len() {
             let row = &self.0[i];
             y[i] = (y[i] - dot(&row[..i], &y[..i])) / row[i];
@@ -272,21 +272,21 @@ impl Factor {
                 *y -= l * here[0];
             }
         }
-        y.as_chunks().0.iter().map(|c| DVec3::from(*c)).collect()
+        y.as_chunks().0.iter().map(|c| Vec3A::from(*c)).collect()
     }
 }
 
-/// `a · b`, eight products side by side.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-    let mut sums = [0.0; 8];
+/// `a · b`, sixteen products side by side.
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<16>(), b.as_chunks::<16>());
+    let mut sums = [0.0; 16];
     for (a, b) in a.iter().zip(b) {
-        for k in 0..8 {
+        for k in 0..16 {
             sums[k] += a[k] * b[k];
         }
     }
-    let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    sums.iter().sum::<f64>() + rest
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f32>() + rest
 }
 
 #[cfg(test)]
@@ -307,8 +307,8 @@ mod tests {
         let handles = Handles::new(&pattern.near).expect("one sheet");
         assert!((6..60).contains(&handles.len()), "{}", handles.len());
         for v in 0..900 {
-            let total: f64 = handles.row(v).map(|h| h.1).sum();
-            assert!((total - 1.0).abs() < 1e-12, "vertex {v}: {total}");
+            let total: f32 = handles.row(v).map(|h| h.1).sum();
+            assert!((total - 1.0).abs() < 1e-6, "vertex {v}: {total}");
             assert!(handles.row(v).is_sorted_by_key(|h| h.0));
         }
     }
@@ -321,18 +321,18 @@ mod tests {
 
     #[test]
     fn a_factor_solves_and_refuses_what_is_not_positive() {
-        let m = |a: f64, b: f64| {
-            DMat3::from_diagonal(DVec3::splat(a)) + DMat3::from_cols_array(&[b; 9])
+        let m = |a: f32, b: f32| {
+            Mat3A::from_diagonal(glam::Vec3::splat(a)) + Mat3A::from_cols_array(&[b; 9])
         };
         let blocks = [vec![m(4.0, 0.5)], vec![m(-1.0, 0.2), m(5.0, 0.1)]];
-        let x = [DVec3::new(1.0, -2.0, 0.5), DVec3::new(0.3, 0.7, -1.1)];
+        let x = [Vec3A::new(1.0, -2.0, 0.5), Vec3A::new(0.3, 0.7, -1.1)];
         let b = [
             blocks[0][0] * x[0] + blocks[1][0].transpose() * x[1],
             blocks[1][0] * x[0] + blocks[1][1] * x[1],
         ];
         let got = Factor::new(&blocks).expect("it is positive").solve(&b);
         for (got, want) in got.iter().zip(x) {
-            assert!((*got - want).length() < 1e-12, "{got} for {want}");
+            assert!((*got - want).length() < 1e-5, "{got} for {want}");
         }
         assert!(Factor::new(&[vec![m(-1.0, 0.0)]]).is_none());
     }

@@ -9,6 +9,7 @@
 
 use glam::DVec3;
 use muslin_geom::{
+    Surface,
     bvh::{Bvh, face_boxes},
     closest::on_triangle,
     intersect::{segment_meets_triangle, triangles_meet},
@@ -32,6 +33,20 @@ pub(crate) fn crossing_faces(weave: &Weave, tree: &mut Bvh, x: &[DVec3]) -> Vec<
     let near = tree.self_pairs(0.0);
     let cross = |p: &[u32; 2]| cross(weave, x, *p);
     let mut found: Vec<[u32; 2]> = near.into_par_iter().filter(cross).collect();
+    found.sort_unstable();
+    found
+}
+
+/// Pairs `[cloth face, body face]` that meet, exactly, in ascending order.
+pub(crate) fn meeting_skin(
+    weave: &Weave,
+    (tree, x): (&mut Bvh, &[DVec3]),
+    skin: &Surface,
+) -> Vec<[u32; 2]> {
+    tree.refit(&face_boxes(x, &weave.faces));
+    let near = tree.pairs(skin.bvh(), 0.0).into_par_iter();
+    let meet = |&[f, g]: &[u32; 2]| triangles_meet(&weave.corners(x, f as usize), &skin.corners(g));
+    let mut found: Vec<[u32; 2]> = near.filter(meet).collect();
     found.sort_unstable();
     found
 }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::{
     cloth::SimError,
-    relief::{Frame, relieve, within},
+    relief::{Flesh, Frame, within},
     simulate::Walk,
 };
 
@@ -16,6 +16,7 @@ pub(crate) const AROUND: f64 = 0.03;
 /// Where every vertex of the skin has drawn back to from where it was posed [m], at two looks.
 pub(crate) struct Dents<'a> {
     walk: &'a Walk<'a>,
+    flesh: Flesh,
     worn_on: Vec<bool>,
     room: f64,
     looks: [(usize, Vec<DVec3>); 2],
@@ -25,6 +26,7 @@ impl<'a> Dents<'a> {
     pub fn new(walk: &'a Walk<'a>, worn_on: Vec<bool>, room: f64) -> Dents<'a> {
         let nothing = || (usize::MAX, Vec::new());
         Dents {
+            flesh: Flesh::new(walk.rest, walk.faces),
             walk,
             worn_on,
             room,
@@ -70,7 +72,7 @@ impl<'a> Dents<'a> {
     fn look(&self, k: usize) -> Vec<DVec3> {
         let body = (self.walk.at)(k);
         let wanted = within(&body.skin, &self.worn_on, AROUND);
-        let relief = relieve((self.walk.rest, &body), self.walk.faces, self.room, &wanted);
+        let relief = self.flesh.relieve(&body, self.room, &wanted);
         let pairs = relief.verts.iter().zip(&body.skin);
         pairs.map(|(a, b)| *a - *b).collect()
     }

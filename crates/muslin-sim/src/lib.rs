@@ -43,5 +43,5 @@ pub use cloth::{Cloth, Material, SimError};
 pub use drape::{Options, drape, drape_while};
 pub use loosen::BEYOND_LIMIT;
 pub use quality::{Energies, Settled, stretch};
-pub use relief::{Frame, Relief, relieve};
+pub use relief::{Flesh, Frame, Relief};
 pub use simulate::{CHECKPOINT, Moment, State, Walk, simulate, simulate_while};

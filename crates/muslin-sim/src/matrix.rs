@@ -1,15 +1,15 @@
 //! The linear system of a Newton step, and conjugate gradients on it.
 //!
 //! Stretch and body contact live in 3×3 blocks at the pattern's places, bending across hinges in
-//! plain numbers, cloth-on-cloth contact in a list of small stencils. Blocks are kept in single
-//! precision: they multiply displacements, never positions, and only decide how fast the solve
-//! converges; the right-hand side that decides to what stays in double.
+//! plain numbers, cloth-on-cloth contact in a list of small stencils. All of it is in single
+//! precision, four lanes wide: displacements are multiplied here, never positions, and what comes
+//! out only decides how fast a step converges; the gradient that decides to what stays in double.
 //!
 //! The preconditioner inverts the diagonal blocks and, beside them, motions of cloth in large parts
 //! ([`crate::coarse`]). Without that second part a sheet that nothing holds hardly moves in its own
 //! plane: its stretch is so much stiffer than its inertia that the iterations run out first.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Mat3A, Vec3A};
 use rayon::prelude::*;
 
 use crate::{
@@ -26,16 +26,16 @@ pub(crate) const STENCIL: usize = 4;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Link {
     pub verts: [u32; STENCIL],
-    pub weights: [f64; STENCIL],
-    pub stiffness: DMat3,
+    pub weights: [f32; STENCIL],
+    pub stiffness: Mat3A,
 }
 
 /// A symmetric positive definite matrix of one Newton step.
 pub(crate) struct Matrix<'a> {
     pub pattern: &'a Pattern,
     pub bending: &'a Bending,
-    /// Column-major 3×3 blocks at the pattern's places; bending's near part included [N/m].
-    pub blocks: Vec<[f32; 9]>,
+    /// 3×3 blocks at the pattern's places; bending's near part included [N/m].
+    pub blocks: Vec<Mat3A>,
     pub links: Vec<Link>,
     /// For every vertex, `4 link + position in its stencil`.
     of_vertex: Rows,
@@ -55,7 +55,7 @@ impl<'a> Matrix<'a> {
     pub fn new(
         pattern: &'a Pattern,
         bending: &'a Bending,
-        blocks: Vec<[f32; 9]>,
+        blocks: Vec<Mat3A>,
         links: Vec<Link>,
     ) -> Self {
         let n = pattern.diagonal.len();
@@ -74,7 +74,7 @@ impl<'a> Matrix<'a> {
     }
 
     /// Writes `A p` and returns `p · A p`.
-    fn multiply(&self, p: &[DVec3], pulls: &mut [DVec3], out: &mut [DVec3]) -> f64 {
+    fn multiply(&self, p: &[Vec3A], pulls: &mut [Vec3A], out: &mut [Vec3A]) -> f64 {
         ordered::fill(pulls, |l| {
             let Link {
                 verts,
@@ -87,13 +87,13 @@ impl<'a> Matrix<'a> {
         let chunks = out.par_chunks_mut(CHUNK).enumerate();
         let parts: Vec<f64> = chunks
             .map(|(c, out)| {
-                let mut dot = 0.0;
+                let mut dot = Vec3A::ZERO;
                 for (k, out) in out.iter_mut().enumerate() {
                     let i = c * CHUNK + k;
                     *out = self.row(i, p, pulls);
-                    dot += p[i].dot(*out);
+                    dot += p[i] * *out;
                 }
-                dot
+                total(dot)
             })
             .collect();
         parts.iter().sum()
@@ -102,24 +102,23 @@ impl<'a> Matrix<'a> {
     /// `A p`.
     #[cfg(test)]
     pub fn times(&self, p: &[DVec3]) -> Vec<DVec3> {
-        let mut out = vec![DVec3::ZERO; p.len()];
-        self.multiply(p, &mut vec![DVec3::ZERO; self.links.len()], &mut out);
-        out
+        let p: Vec<Vec3A> = p.iter().map(single).collect();
+        let mut out = vec![Vec3A::ZERO; p.len()];
+        self.multiply(&p, &mut vec![Vec3A::ZERO; self.links.len()], &mut out);
+        out.iter().map(double).collect()
     }
 
-    fn row(&self, i: usize, p: &[DVec3], pulls: &[DVec3]) -> DVec3 {
-        let near = &self.pattern.near;
-        let mut sum = DVec3::ZERO;
-        for k in near.span(i) {
-            let (b, v) = (&self.blocks[k], p[near.items[k] as usize]);
-            let b = b.map(f64::from);
-            sum.x += b[0] * v.x + b[3] * v.y + b[6] * v.z;
-            sum.y += b[1] * v.x + b[4] * v.y + b[7] * v.z;
-            sum.z += b[2] * v.x + b[5] * v.y + b[8] * v.z;
+    fn row(&self, i: usize, p: &[Vec3A], pulls: &[Vec3A]) -> Vec3A {
+        let (near, far) = (&self.pattern.near, &self.bending.far);
+        let mut sum = Vec3A::ZERO;
+        let span = near.span(i);
+        for (block, &j) in self.blocks[span.clone()].iter().zip(&near.items[span]) {
+            sum += *block * p[j as usize];
         }
-        let far = &self.bending.far;
-        for k in far.span(i) {
-            sum += p[far.items[k] as usize] * self.bending.far_weights[k];
+        let span = far.span(i);
+        let weights = &self.bending.far_single[span.clone()];
+        for (weight, &j) in weights.iter().zip(&far.items[span]) {
+            sum += p[j as usize] * *weight;
         }
         for &use_ in self.of_vertex.row(i) {
             let (l, k) = (use_ as usize / STENCIL, use_ as usize % STENCIL);
@@ -129,20 +128,19 @@ impl<'a> Matrix<'a> {
     }
 
     /// Inverses of the diagonal blocks.
-    fn inverse_diagonal(&self) -> Vec<DMat3> {
+    fn inverse_diagonal(&self) -> Vec<Mat3A> {
         ordered::map(self.pattern.diagonal.len(), |i| {
-            let b = self.blocks[self.pattern.diagonal[i] as usize].map(f64::from);
-            let mut d = DMat3::from_cols_array(&b);
+            let mut d = self.blocks[self.pattern.diagonal[i] as usize];
             for &use_ in self.of_vertex.row(i) {
                 let (l, k) = (use_ as usize / STENCIL, use_ as usize % STENCIL);
                 let w = self.links[l].weights[k];
                 d += self.links[l].stiffness * (w * w);
             }
-            let inverse = d.inverse();
+            let inverse = wide(&d).inverse();
             if inverse.is_finite() {
-                inverse
+                narrow(&inverse)
             } else {
-                DMat3::IDENTITY
+                Mat3A::IDENTITY
             }
         })
     }
@@ -155,12 +153,11 @@ impl<'a> Matrix<'a> {
         let n = b.len();
         let inverse = self.inverse_diagonal();
         let far = Far::new(self, effort.handles);
-        let mut x = vec![DVec3::ZERO; n];
-        let mut r = b.to_vec();
-        let mut z = vec![DVec3::ZERO; n];
-        let mut p = vec![DVec3::ZERO; n];
-        let mut ap = vec![DVec3::ZERO; n];
-        let mut pulls = vec![DVec3::ZERO; self.links.len()];
+        let nothing = || vec![Vec3A::ZERO; n];
+        let mut r: Vec<Vec3A> = b.iter().map(single).collect();
+        let (mut x, mut z, mut p, mut ap) = (nothing(), nothing(), nothing(), nothing());
+        let mut pulls = vec![Vec3A::ZERO; self.links.len()];
+        let found = |x: &[Vec3A]| x.iter().map(double).collect();
         // With a step of nothing this only prepares the first direction.
         let first = Step {
             alpha: 0.0,
@@ -172,23 +169,23 @@ impl<'a> Matrix<'a> {
         let mut beta = 0.0;
         for done in 0..effort.iterations {
             if rz <= goal || rz <= f64::MIN_POSITIVE {
-                return (x, done);
+                return (found(&x), done);
             }
             ordered::change(&mut p, |i, p| z[i] + far.at(i, &shifts) + p * beta);
             let curvature = self.multiply(&p, &mut pulls, &mut ap);
             if curvature.is_nan() || curvature <= 0.0 {
-                return (x, done);
+                return (found(&x), done);
             }
             let step = Step {
-                alpha: rz / curvature,
+                alpha: (rz / curvature) as f32,
                 p: &p,
                 ap: &ap,
             };
             let next = self.advance(&step, (&inverse, &far), (&mut x, &mut r, &mut z));
-            beta = next.0 / rz;
+            beta = (next.0 / rz) as f32;
             (rz, shifts) = next;
         }
-        (x, effort.iterations)
+        (found(&x), effort.iterations)
     }
 
     /// `x += α p`, `r −= α A p`, `z = D⁻¹ r`, and how every large part is to shift.
@@ -197,34 +194,34 @@ impl<'a> Matrix<'a> {
     fn advance(
         &self,
         step: &Step<'_>,
-        (inverse, far): (&[DMat3], &Far<'_>),
-        (x, r, z): (&mut [DVec3], &mut [DVec3], &mut [DVec3]),
-    ) -> (f64, Vec<DVec3>) {
+        (inverse, far): (&[Mat3A], &Far<'_>),
+        (x, r, z): (&mut [Vec3A], &mut [Vec3A], &mut [Vec3A]),
+    ) -> (f64, Vec<Vec3A>) {
         let chunks = x
             .par_chunks_mut(CHUNK)
             .zip(r.par_chunks_mut(CHUNK))
             .zip(z.par_chunks_mut(CHUNK));
-        let parts: Vec<(f64, Vec<DVec3>)> = chunks
+        let parts: Vec<(f64, Vec<Vec3A>)> = chunks
             .enumerate()
             .map(|(c, ((x, r), z))| {
-                let (mut dot, mut sums) = (0.0, vec![DVec3::ZERO; far.len()]);
+                let (mut dot, mut sums) = (Vec3A::ZERO, vec![Vec3A::ZERO; far.len()]);
                 for k in 0..x.len() {
                     let i = c * CHUNK + k;
                     x[k] += step.p[i] * step.alpha;
                     r[k] -= step.ap[i] * step.alpha;
                     z[k] = inverse[i] * r[k];
-                    dot += r[k].dot(z[k]);
+                    dot += r[k] * z[k];
                     far.gather(i, r[k], &mut sums);
                 }
-                (dot, sums)
+                (total(dot), sums)
             })
             .collect();
         let mut dot: f64 = parts.iter().map(|p| p.0).sum();
         let sum = |part: usize| parts.iter().map(|p| p.1[part]).sum();
-        let sums: Vec<DVec3> = (0..far.len()).map(sum).collect();
+        let sums: Vec<Vec3A> = (0..far.len()).map(sum).collect();
         let shifts = far.moves(&sums);
         for (sum, shift) in sums.iter().zip(&shifts) {
-            dot += sum.dot(*shift);
+            dot += total(*sum * *shift);
         }
         (dot, shifts)
     }
@@ -232,7 +229,34 @@ impl<'a> Matrix<'a> {
 
 /// A step along a direction, and what the matrix makes of it.
 struct Step<'a> {
-    alpha: f64,
-    p: &'a [DVec3],
-    ap: &'a [DVec3],
+    alpha: f32,
+    p: &'a [Vec3A],
+    ap: &'a [Vec3A],
+}
+
+/// Sum of the three lanes.
+fn total(v: Vec3A) -> f64 {
+    f64::from(v.x) + f64::from(v.y) + f64::from(v.z)
+}
+
+fn single(v: &DVec3) -> Vec3A {
+    v.as_vec3a()
+}
+
+fn double(v: &Vec3A) -> DVec3 {
+    v.as_dvec3()
+}
+
+/// A block in double precision.
+pub(crate) fn wide(m: &Mat3A) -> DMat3 {
+    m.as_dmat3()
+}
+
+/// A block in single precision.
+pub(crate) fn narrow(m: &DMat3) -> Mat3A {
+    Mat3A::from_cols(
+        m.x_axis.as_vec3a(),
+        m.y_axis.as_vec3a(),
+        m.z_axis.as_vec3a(),
+    )
 }

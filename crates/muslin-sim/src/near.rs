@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use muslin_geom::{
-    bvh::{Aabb, Bvh, OnTheWay, face_boxes},
+    bvh::{Bvh, Swept},
     closest::{on_segments, on_triangle},
 };
 
@@ -60,23 +60,23 @@ pub(crate) fn on_the_way(
     (x, moves): (&[DVec3], &[DVec3]),
     reach: f64,
 ) -> Neighbours {
-    let boxes = face_boxes(x, &weave.faces);
-    let sweeps = face_boxes(moves, &weave.faces);
     let open = fan::open(weave, (x, moves), reach);
+    let verts = ordered::map(x.len(), |i| Swept::point(x[i] - x[0], moves[i], reach));
+    let around = |v: &[u32]| {
+        let ways = v.iter().map(|i| verts[*i as usize]);
+        ways.reduce(Swept::union).expect("features have vertices")
+    };
+    let faces = ordered::map(weave.faces.len(), |f| around(&weave.faces[f]));
     let scene = Scene {
+        edges: &ordered::map(weave.edges.len(), |e| around(&weave.edges[e])),
+        verts: &verts,
+        faces: &faces,
         weave,
         x,
         moves,
-        boxes: &boxes,
-        sweeps: &sweeps,
         reach,
     };
-    let way = OnTheWay {
-        boxes: &boxes,
-        moves: &sweeps,
-        margin: reach,
-    };
-    let list = tree.meeting(&way, |f, g, out| {
+    let list = tree.meeting(&faces, |f, g, out| {
         let (mine, theirs) = (weave.faces[f], weave.faces[g]);
         let apart = |v: u32| theirs.contains(&v) && open[v as usize];
         if !mine.into_iter().any(apart) {
@@ -92,63 +92,41 @@ pub(crate) fn on_the_way(
     }
 }
 
-/// Where faces are and go, and what is asked about two of them.
+/// Where everything is and goes, and what is asked about two faces.
 struct Scene<'a> {
     weave: &'a Weave,
     x: &'a [DVec3],
     moves: &'a [DVec3],
-    boxes: &'a [Aabb],
-    sweeps: &'a [Aabb],
+    verts: &'a [Swept],
+    edges: &'a [Swept],
+    faces: &'a [Swept],
     reach: f64,
-}
-
-/// One face as another sees it: how much farther it reaches on its way, along each axis [m].
-struct Seen {
-    back: DVec3,
-    forth: DVec3,
-}
-
-impl Seen {
-    fn swept(&self, b: Aabb) -> Aabb {
-        Aabb {
-            min: b.min + self.back,
-            max: b.max + self.forth,
-        }
-    }
 }
 
 impl Scene<'_> {
     /// Adds the pairs of features of faces `f` and `g` that may come within reach.
     fn features(&self, (f, g): (usize, usize), out: &mut Vec<Near>) {
-        let (mine, theirs) = (&self.sweeps[f], &self.sweeps[g]);
-        let seen = Seen {
-            back: (mine.min - theirs.max).min(DVec3::ZERO),
-            forth: (mine.max - theirs.min).max(DVec3::ZERO),
-        };
-        let back = Seen {
-            back: -seen.forth,
-            forth: -seen.back,
-        };
-        let near_f = self.boxes[f].grown(self.reach);
-        let near_g = self.boxes[g].grown(self.reach);
-        self.vertices((f, g), (&seen, &near_g), out);
-        self.vertices((g, f), (&back, &near_f), out);
-        let mut theirs = [([0; 2], near_f); 3];
+        self.vertices((f, g), out);
+        self.vertices((g, f), out);
+        let mut theirs = [0; 3];
         let mut n = 0;
-        for (ends, around) in self.edges(g) {
-            if back.swept(around).overlaps(&near_f) {
-                theirs[n] = (ends, around.grown(self.reach));
-                n += 1;
-            }
+        for e in self
+            .edges(g)
+            .filter(|e| self.edges[*e].meets(&self.faces[f]))
+        {
+            theirs[n] = e;
+            n += 1;
         }
         if n == 0 {
             return;
         }
-        for ([a, b], around) in self.edges(f) {
-            let swept = seen.swept(around);
-            for &([c, d], around) in &theirs[..n] {
+        for e in self.edges(f) {
+            let [a, b] = self.weave.edges[e];
+            for &other in &theirs[..n] {
+                let [c, d] = self.weave.edges[other];
                 let apart = a != c && a != d && b != c && b != d;
-                if apart && swept.overlaps(&around) && self.edges_near([a, b, c, d]) {
+                let meet = || self.edges[e].meets(&self.edges[other]);
+                if apart && meet() && self.edges_near([a, b, c, d]) {
                     out.push(Near {
                         verts: [a, b, c, d],
                         is_edges: true,
@@ -159,19 +137,14 @@ impl Scene<'_> {
     }
 
     /// Adds the vertices of face `f` that may come near face `g`.
-    fn vertices(
-        &self,
-        (f, g): (usize, usize),
-        (seen, around): (&Seen, &Aabb),
-        out: &mut Vec<Near>,
-    ) {
+    fn vertices(&self, (f, g): (usize, usize), out: &mut Vec<Near>) {
         let t = self.weave.faces[g];
         for v in self.weave.owned[f].verts {
             if v == u32::MAX || t.contains(&v) {
                 continue;
             }
-            let p = self.x[v as usize];
-            if seen.swept(Aabb { min: p, max: p }).overlaps(around) && self.vertex_near(v, t) {
+            let meet = self.verts[v as usize].meets(&self.faces[g]);
+            if meet && self.vertex_near(v, t) {
                 out.push(Near {
                     verts: [v, t[0], t[1], t[2]],
                     is_edges: false,
@@ -180,18 +153,10 @@ impl Scene<'_> {
         }
     }
 
-    /// The edges that face `f` answers for, and their boxes.
-    fn edges(&self, f: usize) -> impl Iterator<Item = ([u32; 2], Aabb)> {
+    /// The edges that face `f` answers for.
+    fn edges(&self, f: usize) -> impl Iterator<Item = usize> {
         let owned = self.weave.owned[f].edges.into_iter();
-        owned.filter(|e| *e != u32::MAX).map(|e| {
-            let ends = self.weave.edges[e as usize];
-            let [a, b] = ends.map(|i| self.x[i as usize]);
-            let around = Aabb {
-                min: a.min(b),
-                max: a.max(b),
-            };
-            (ends, around)
-        })
+        owned.filter(|e| *e != u32::MAX).map(|e| e as usize)
     }
 
     /// Largest of the relative moves of two vertices, squared [m²].

@@ -1,9 +1,13 @@
 //! Cloth on cloth: near pairs push each other apart and rub.
 
-use glam::{DMat3, DVec3};
+use glam::{DVec3, Mat3A};
 use muslin_energy::{AtPoint, contact, contact::Barrier, friction, friction::Pressed, proximity};
 
-use crate::{matrix::Link, near::Near, ordered};
+use crate::{
+    matrix::{Link, narrow},
+    near::Near,
+    ordered,
+};
 
 /// A pair that is close enough to push.
 #[derive(Clone, Copy, Debug)]
@@ -93,9 +97,9 @@ pub(crate) fn add(
     }
     let link = |(pair, answer): (&Pair, &AtPoint)| Link {
         verts: pair.verts,
-        weights: pair.weights,
-        stiffness: answer.hessian,
+        weights: pair.weights.map(|w| w as f32),
+        stiffness: narrow(&answer.hessian),
     };
     let links = pairs.iter().zip(&answers).map(link);
-    links.filter(|l| l.stiffness != DMat3::ZERO).collect()
+    links.filter(|l| l.stiffness != Mat3A::ZERO).collect()
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use muslin_energy::point;
-use muslin_geom::{Mesh, Surface, intersecting_pairs};
+use muslin_geom::Surface;
 
 use crate::{elastic, ordered, weave::Weave};
 
@@ -25,7 +25,7 @@ pub struct Settled {
     /// The body that it rests on [m]: the path's last frame, drawn back where it folds into
     /// itself so that cloth has room.
     pub body: Vec<DVec3>,
-    /// How far the skin drew back at most [m]; see [`crate::relieve`].
+    /// How far the skin drew back at most [m]; see [`crate::Flesh`].
     pub yielded: f64,
     /// Energies at rest.
     pub energies: Energies,
@@ -97,7 +97,7 @@ impl Settled {
         weave: &Weave,
         verts: Vec<DVec3>,
         skin: &Surface,
-        self_crossings: usize,
+        (self_crossings, body_intersections): (usize, usize),
     ) -> Settled {
         let of = |f: usize| largest(&weave.patches[f].rest.deformation(&weave.corners(&verts, f)));
         let mut stretch = ordered::map(weave.faces.len(), of);
@@ -109,7 +109,7 @@ impl Settled {
         });
         Settled {
             energies: energies(weave, &verts),
-            body_intersections: body_intersections(weave, &verts, skin).len(),
+            body_intersections,
             vertices_inside: inside.into_iter().sum(),
             self_crossings,
             stretch_p50: percentile(&mut stretch, 0.5),
@@ -131,17 +131,4 @@ fn energies(weave: &Weave, x: &[DVec3]) -> Energies {
         bend: sum(&|i| 0.5 * weave.bending.pull(i, x, near).dot(x[i] - x[0])),
         weight: sum(&|i| point::gravity(x[i], weave.mass[i], g).energy),
     }
-}
-
-/// Pairs `[cloth face, body face]` that meet.
-pub(crate) fn body_intersections(weave: &Weave, x: &[DVec3], skin: &Surface) -> Vec<[u32; 2]> {
-    let cloth = Mesh {
-        verts: x.to_vec(),
-        faces: weave.faces.clone(),
-    };
-    let body = Mesh {
-        verts: skin.verts().to_vec(),
-        faces: skin.faces().to_vec(),
-    };
-    intersecting_pairs(&cloth, &body)
 }

@@ -8,6 +8,8 @@
 //! The way back lies between straight in and towards the core of the limb: in a deep fold normals
 //! alone cross each other, so that a dent would turn itself inside out.
 
+use std::sync::OnceLock;
+
 use glam::DVec3;
 use muslin_geom::{Aabb, Bvh, Surface, closest::Crossing};
 
@@ -79,39 +81,57 @@ const SAME: f64 = 0.025;
 const SPREAD: usize = 12;
 const FADE: f64 = 0.85;
 
-/// Presses a posed body apart where it folds into itself.
-///
-/// `rest`, `posed`: vertices [m] without, and the body with the pose; `faces`: outward triangles;
-/// `gap`: room to leave between two parts of the skin [m]. Only vertices that `wanted` names may
-/// move.
-pub fn relieve(
-    (rest, posed): (&[DVec3], &Frame),
-    faces: &[[u32; 3]],
-    gap: f64,
-    wanted: &[bool],
-) -> Relief {
-    let mut flesh = Flesh::new(rest, posed, faces);
-    let mut left = 0;
-    for _ in 0..ROUNDS {
-        let needs = flesh.needs(gap, wanted);
-        left = needs.iter().filter(|n| n.inside).count();
-        if needs.iter().all(|n| n.depth <= 0.0) {
-            break;
+/// What a body's flesh is at rest, where its parts are apart and thickness can be told.
+pub struct Flesh {
+    rest: Surface,
+    near: Rows,
+    /// How thick the body is behind each vertex [m], as far as anybody asked.
+    thickness: Vec<OnceLock<f64>>,
+}
+
+impl Flesh {
+    /// `rest`: vertices [m] of outward triangles.
+    pub fn new(rest: &[DVec3], faces: &[[u32; 3]]) -> Flesh {
+        Flesh {
+            rest: Surface::new(rest, faces),
+            near: Pattern::new(rest.len(), faces).near,
+            thickness: vec![OnceLock::new(); rest.len()],
         }
-        flesh.draw_back(&needs, wanted);
     }
-    let moves: Vec<f64> = flesh
-        .now
-        .verts()
-        .iter()
-        .zip(&posed.skin)
-        .map(|(a, b)| a.distance(*b))
-        .collect();
-    Relief {
-        deepest: moves.iter().copied().fold(0.0, f64::max),
-        moved: moves.iter().filter(|m| **m > 1e-4).count(),
-        verts: flesh.now.verts().to_vec(),
-        left,
+
+    /// The skin at rest.
+    pub fn rest(&self) -> &Surface {
+        &self.rest
+    }
+
+    /// Presses a posed body apart where it folds into itself.
+    ///
+    /// `gap`: room to leave between two parts of the skin [m]. Only vertices that `wanted` names
+    /// may move.
+    pub fn relieve(&self, posed: &Frame, gap: f64, wanted: &[bool]) -> Relief {
+        let mut fold = Fold::new(self, posed);
+        let mut left = 0;
+        for _ in 0..ROUNDS {
+            let needs = fold.needs(gap, wanted);
+            left = needs.iter().filter(|n| n.inside).count();
+            if needs.iter().all(|n| n.depth <= 0.0) {
+                break;
+            }
+            fold.draw_back(&needs, wanted);
+        }
+        let verts = fold.now.verts();
+        let moves = verts.iter().zip(&posed.skin).map(|(a, b)| a.distance(*b));
+        let moves: Vec<f64> = moves.collect();
+        Relief {
+            deepest: moves.iter().copied().fold(0.0, f64::max),
+            moved: moves.iter().filter(|m| **m > 1e-4).count(),
+            verts: verts.to_vec(),
+            left,
+        }
+    }
+
+    fn thickness(&self, i: usize) -> f64 {
+        *self.thickness[i].get_or_init(|| thickness(&self.rest, i))
     }
 }
 
@@ -126,9 +146,10 @@ pub(crate) fn relieve_path(
     gap: f64,
 ) -> (Vec<Vec<DVec3>>, Relief) {
     let (first, last) = (&path[0], &path[path.len() - 1]);
+    let flesh = Flesh::new(&first.skin, faces);
     let end = |frame: &Frame| {
         let wanted = within(&frame.skin, near, around);
-        relieve((&first.skin, frame), faces, gap, &wanted)
+        flesh.relieve(frame, gap, &wanted)
     };
     let (from, to) = (end(first), end(last));
     let depth = |relief: &Relief, f: &Frame, i: usize| relief.verts[i].distance(f.skin[i]);
@@ -172,13 +193,11 @@ pub(crate) fn within(x: &[DVec3], near: &[bool], around: f64) -> Vec<bool> {
     ordered::map(x.len(), |i| near[i] || distance(x[i]).is_some())
 }
 
-struct Flesh<'a> {
-    rest: &'a [DVec3],
+/// A posed body that is being pressed apart.
+struct Fold<'a> {
+    flesh: &'a Flesh,
     cores: &'a [DVec3],
-    /// The body at rest, where parts are apart and thickness can be told.
-    whole: Surface,
     now: Surface,
-    pattern: Pattern,
     drawn: Vec<f64>,
 }
 
@@ -189,20 +208,20 @@ struct Need {
     inside: bool,
 }
 
-impl<'a> Flesh<'a> {
-    fn new(rest: &'a [DVec3], posed: &'a Frame, faces: &[[u32; 3]]) -> Flesh<'a> {
-        Flesh {
-            rest,
+impl<'a> Fold<'a> {
+    fn new(flesh: &'a Flesh, posed: &'a Frame) -> Fold<'a> {
+        let mut now = flesh.rest.clone();
+        now.refit(&posed.skin);
+        Fold {
+            flesh,
             cores: &posed.cores,
-            whole: Surface::new(rest, faces),
-            now: Surface::new(&posed.skin, faces),
-            pattern: Pattern::new(rest.len(), faces),
-            drawn: vec![0.0; rest.len()],
+            drawn: vec![0.0; posed.skin.len()],
+            now,
         }
     }
 
     fn needs(&self, gap: f64, wanted: &[bool]) -> Vec<Need> {
-        ordered::map(self.rest.len(), |i| {
+        ordered::map(wanted.len(), |i| {
             if wanted[i] {
                 self.need(i, gap)
             } else {
@@ -232,8 +251,8 @@ impl<'a> Flesh<'a> {
         if depth <= 0.0 || depth > DEEPEST {
             return Need { depth: 0.0, inside };
         }
-        let mine = self.thickness(i);
-        let theirs = self.now.faces()[face as usize].map(|v| self.thickness(v as usize));
+        let mine = self.flesh.thickness(i);
+        let theirs = self.now.faces()[face as usize].map(|v| self.flesh.thickness(v as usize));
         let theirs = theirs.into_iter().fold(0.0, f64::max);
         let room = (YIELD * mine - self.drawn[i]).max(0.0);
         Need {
@@ -254,8 +273,8 @@ impl<'a> Flesh<'a> {
         self.now.along(p, d, |c| {
             let apart = || {
                 let f = self.now.faces()[c.face as usize];
-                f.iter()
-                    .all(|&v| self.rest[v as usize].distance(self.rest[i]) > SAME)
+                let rest = self.flesh.rest.verts();
+                f.iter().all(|&v| rest[v as usize].distance(rest[i]) > SAME)
             };
             if counts(&c) && best.is_none_or(|b| c.at < b.at) && apart() {
                 best = Some(c);
@@ -264,14 +283,10 @@ impl<'a> Flesh<'a> {
         best
     }
 
-    fn thickness(&self, i: usize) -> f64 {
-        thickness(&self.whole, i)
-    }
-
     /// Moves the skin back by what it needs, and its surroundings along.
     fn draw_back(&mut self, needs: &[Need], wanted: &[bool]) {
         let depth: Vec<f64> = needs.iter().map(|n| n.depth).collect();
-        let flesh = (self.cores, &self.pattern.near);
+        let flesh = (self.cores, &self.flesh.near);
         let verts = dented(&self.now, flesh, depth, |i| wanted[i]);
         let moved = self
             .now
@@ -400,12 +415,8 @@ mod tests {
     fn overlapping_balls_are_pressed_apart_evenly() {
         let (rest, faces) = balls(0.4);
         let (posed, _) = balls(0.17);
-        let relief = relieve(
-            (&rest, &posed.into()),
-            &faces,
-            0.004,
-            &vec![true; rest.len()],
-        );
+        let relief =
+            Flesh::new(&rest, &faces).relieve(&posed.into(), 0.004, &vec![true; rest.len()]);
         assert_eq!(relief.left, 0);
         assert!(
             (0.015..0.03).contains(&relief.deepest),
@@ -429,7 +440,7 @@ mod tests {
             cores: (0..skin.len()).map(core).collect(),
             skin,
         };
-        let relief = relieve((&rest, &posed), &faces, 0.004, &vec![true; rest.len()]);
+        let relief = Flesh::new(&rest, &faces).relieve(&posed, 0.004, &vec![true; rest.len()]);
         assert_eq!(relief.left, 0);
         for i in 0..rest.len() {
             let (p, q) = (relief.verts[i] - core(i), posed.skin[i] - core(i));
@@ -443,12 +454,8 @@ mod tests {
     #[test]
     fn a_body_with_room_is_left_alone() {
         let (rest, faces) = balls(0.4);
-        let relief = relieve(
-            (&rest, &rest.clone().into()),
-            &faces,
-            0.004,
-            &vec![true; rest.len()],
-        );
+        let flesh = Flesh::new(&rest, &faces);
+        let relief = flesh.relieve(&rest.clone().into(), 0.004, &vec![true; rest.len()]);
         assert_eq!((relief.moved, relief.left), (0, 0));
         assert_eq!(relief.verts, rest);
     }

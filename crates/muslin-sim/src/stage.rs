@@ -265,6 +265,11 @@ impl<'a> Stage<'a> {
         }
     }
 
+    /// Pairs `[cloth face, body face]` that meet.
+    pub fn in_body(&mut self) -> Vec<[u32; 2]> {
+        crossings::meeting_skin(self.weave, (&mut self.tree, &self.x), &self.body.now)
+    }
+
     pub fn is_tangled(&self) -> bool {
         self.tangled.contains(&true)
     }
@@ -394,14 +399,12 @@ impl<'a> Stage<'a> {
         if self.x != from && problem.energy(from) < problem.energy(&self.x) {
             self.x.copy_from_slice(from);
         }
-        problem.descend(
-            &self.x,
-            &Effort {
-                iterations: self.options.iterations,
-                handles: self.handles.as_ref(),
-                tolerance: 1e-3,
-            },
-        )
+        let effort = Effort {
+            iterations: self.options.iterations,
+            handles: self.handles.as_ref(),
+            tolerance: 1e-3,
+        };
+        problem.descend(&self.x, &effort)
     }
 
     fn skin(&self, h: f64) -> Skin {

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DVec3, Vec3};
 use muslin_body::{Avatar, Cores, Figure, Part, Pose};
 use muslin_geom::{Aabb, Bvh, Surface, vertex_normals};
-use muslin_sim::{Frame, relieve};
+use muslin_sim::{Flesh, Frame};
 
 /// How far from the cloth skin is looked for [m].
 const REACH: f64 = 0.06;
@@ -43,7 +43,7 @@ pub struct Skinned<'a> {
     /// Vertices of the skin around the cloth, and their triangles in that numbering.
     verts: Vec<u32>,
     /// The same at rest, ready to be moved into poses.
-    surface: Surface,
+    flesh: Flesh,
     /// Triangles around every vertex: where each vertex's start, and they.
     around: (Vec<u32>, Vec<u32>),
     /// Which triangles lie at the rim of what was kept: which side one is on cannot be told there.
@@ -88,7 +88,7 @@ impl<'a> Skinned<'a> {
         Self {
             rim: rim(&faces),
             around: around(at.len(), &faces),
-            surface: Surface::new(&at, &faces),
+            flesh: Flesh::new(&at, &faces),
             soft: {
                 let soft = within(SOFT);
                 verts.iter().map(|v| soft[*v as usize]).collect()
@@ -107,7 +107,7 @@ impl<'a> Skinned<'a> {
 
     /// Whether there is such a triangle around the cloth, or it stands for none.
     pub fn has(&self, face: u32) -> bool {
-        face == NO_FACE || (face as usize) < self.surface.faces().len()
+        face == NO_FACE || (face as usize) < self.flesh.rest().faces().len()
     }
 
     /// Bones in a pose with the root over the origin: `world_from_rest`.
@@ -133,9 +133,8 @@ impl<'a> Skinned<'a> {
             skin: here,
             cores: self.cores.iter().zip(&self.verts).map(core).collect(),
         };
-        let way = (self.surface.verts(), &here);
-        let relief = relieve(way, self.surface.faces(), ROOM, &self.soft);
-        let normals = vertex_normals(&relief.verts, self.surface.faces());
+        let relief = self.flesh.relieve(&here, ROOM, &self.soft);
+        let normals = vertex_normals(&relief.verts, self.flesh.rest().faces());
         let single = |list: &[DVec3]| list.iter().map(|p| p.as_vec3()).collect();
         Posed {
             verts: single(&relief.verts),
@@ -147,7 +146,7 @@ impl<'a> Skinned<'a> {
     /// far, or where the body still folds into itself, so that no cloth could lie between.
     pub fn nearest(&self, skin: &Posed, x: &[DVec3]) -> Vec<u32> {
         let verts: Vec<DVec3> = skin.verts.iter().map(|p| p.as_dvec3()).collect();
-        let mut surface = self.surface.clone();
+        let mut surface = self.flesh.rest().clone();
         surface.refit(&verts);
         let mut hint = 0;
         let one = |x: &DVec3| match surface.closest_near(*x, REACH, hint) {
@@ -169,7 +168,7 @@ impl<'a> Skinned<'a> {
             return OPEN;
         }
         let hit = self.follow(skin, p, face);
-        let f = self.surface.faces()[*face as usize];
+        let f = self.flesh.rest().faces()[*face as usize];
         let smooth: Vec3 = (0..3)
             .map(|k| skin.normals[f[k] as usize] * hit.weights[k])
             .sum();
@@ -187,7 +186,7 @@ impl<'a> Skinned<'a> {
 
     /// Goes from triangle to neighbouring triangle for as long as that leads nearer to `p`.
     fn follow(&self, skin: &Posed, p: Vec3, face: &mut u32) -> Near {
-        let faces = self.surface.faces();
+        let faces = self.flesh.rest().faces();
         let corners = |f: u32| faces[f as usize].map(|v| skin.verts[v as usize]);
         let mut hit = near_triangle(p, corners(*face));
         for _ in 0..HOPS {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use muslin_body::{Avatar, BodyError, Cores, Figure, Limbs, Part, Pose, Posed, Shape};
 use muslin_geom::{Mesh, self_intersections};
-use muslin_sim::{Frame, relieve};
+use muslin_sim::{Flesh, Frame};
 
 use crate::failure::{Exit, Failure};
 
@@ -167,7 +167,7 @@ impl Fold {
         let (rest, faces) = (&figure.verts[skin.clone()], avatar.collision_faces());
         // Straight in: where that leads astray, the fold is too deep.
         let body = Frame::from(posed.verts[skin].to_vec());
-        let relief = relieve((rest, &body), faces, ROOM, &vec![true; rest.len()]);
+        let relief = Flesh::new(rest, faces).relieve(&body, ROOM, &vec![true; rest.len()]);
         let now = &body.skin;
         let joint = |b: &usize| posed.bones[*b].transform_point3(figure.joints[*b]);
         let joints: Vec<DVec3> = bones.iter().map(joint).collect();

@@ -4,45 +4,76 @@
 //! every node carries, beside the box of where its primitives are, the box of how they move, and
 //! two nodes are compared by what one does as seen from the other.
 
+use glam::{DVec3, Vec3A};
 use rayon::prelude::*;
 
-use super::{Aabb, Bvh, TASKS};
+use super::{Bvh, TASKS};
 
-/// A box and the box of its contents' moves, in single precision, rounded outward [m].
-#[derive(Clone, Copy)]
-struct Cell {
-    low: [f32; 4],
-    high: [f32; 4],
-    least: [f32; 4],
-    most: [f32; 4],
+/// Something on its way: its box, and the box of how its points move, in single precision [m].
+#[derive(Clone, Copy, Debug)]
+pub struct Swept {
+    low: Vec3A,
+    high: Vec3A,
+    least: Vec3A,
+    most: Vec3A,
 }
 
-/// Primitives on their way.
-pub struct OnTheWay<'a> {
-    /// Where each is [m].
-    pub boxes: &'a [Aabb],
-    /// How each goes [m]: the box of its corners' displacements.
-    pub moves: &'a [Aabb],
-    /// Pairs that come this near count as meeting [m].
-    pub margin: f64,
+/// Room for rounding at a few metres from the origin [m].
+const ROUNDING: f64 = 2e-6;
+
+impl Swept {
+    /// A point that goes straight by `by` [m]. Two that come within `margin` [m] of each other, on
+    /// every axis, count as meeting. `at` is best measured from something near.
+    pub fn point(at: DVec3, by: DVec3, margin: f64) -> Swept {
+        let (room, by) = (0.5 * margin + ROUNDING, by.as_vec3a());
+        Swept {
+            low: (at - room).as_vec3a(),
+            high: (at + room).as_vec3a(),
+            least: by,
+            most: by,
+        }
+    }
+
+    /// Both together.
+    #[inline]
+    pub fn union(self, other: Swept) -> Swept {
+        Swept {
+            low: self.low.min(other.low),
+            high: self.high.max(other.high),
+            least: self.least.min(other.least),
+            most: self.most.max(other.most),
+        }
+    }
+
+    /// Whether the two may touch on the way, axis by axis, as seen from the other.
+    #[inline]
+    pub fn meets(&self, other: &Swept) -> bool {
+        let back = (self.least - other.most).min(Vec3A::ZERO);
+        let forth = (self.most - other.least).max(Vec3A::ZERO);
+        let apart = (self.low + back).cmpgt(other.high) | other.low.cmpgt(self.high + forth);
+        !apart.any()
+    }
+
+    fn size(&self) -> f32 {
+        (self.high - self.low).max_element()
+    }
 }
 
 impl Bvh {
-    /// Calls `visit` with every pair `i < j` of primitives that may come within the margin on
-    /// their straight way, and gathers what it adds, in an order that does not depend on threads.
+    /// Calls `visit` with every pair `i < j` of primitives that may meet on their straight ways, and
+    /// gathers what it adds, in an order that does not depend on threads.
     ///
     /// The tree lends its shape alone; where its boxes were does not matter.
     pub fn meeting<T: Send>(
         &self,
-        way: &OnTheWay<'_>,
+        ways: &[Swept],
         visit: impl Fn(usize, usize, &mut Vec<T>) + Sync,
     ) -> Vec<T> {
-        assert_eq!(way.boxes.len(), self.order.len(), "one box per primitive");
-        assert_eq!(way.moves.len(), self.order.len(), "one move per primitive");
+        assert_eq!(ways.len(), self.order.len(), "one way per primitive");
         if self.nodes.is_empty() {
             return Vec::new();
         }
-        let walk = Walk::new(self, way);
+        let walk = Walk::new(self, ways);
         let tasks = walk.tasks();
         let found: Vec<Vec<T>> = tasks
             .par_iter()
@@ -58,34 +89,22 @@ impl Bvh {
 
 struct Walk<'a> {
     tree: &'a Bvh,
-    leaves: Vec<Cell>,
-    nodes: Vec<Cell>,
+    leaves: Vec<Swept>,
+    nodes: Vec<Swept>,
 }
 
 impl<'a> Walk<'a> {
-    fn new(tree: &'a Bvh, way: &OnTheWay<'_>) -> Walk<'a> {
-        let origin = way.boxes[0].min;
-        // Half the margin on either side, and room for rounding at a few metres from the origin.
-        let room = 0.5 * way.margin + 2e-6;
-        let cell = |&i: &u32| {
-            let (b, m) = (way.boxes[i as usize], way.moves[i as usize]);
-            Cell {
-                low: single((b.min - origin - room).to_array()),
-                high: single((b.max - origin + room).to_array()),
-                least: single(m.min.to_array()),
-                most: single(m.max.to_array()),
-            }
-        };
-        let leaves: Vec<Cell> = tree.order.iter().map(cell).collect();
+    fn new(tree: &'a Bvh, ways: &[Swept]) -> Walk<'a> {
+        let leaves: Vec<Swept> = tree.order.iter().map(|&i| ways[i as usize]).collect();
         let mut nodes = vec![leaves[0]; tree.nodes.len()];
         for i in (0..nodes.len()).rev() {
             let node = &tree.nodes[i];
             let (first, count) = (node.first as usize, node.count as usize);
             nodes[i] = if count > 0 {
                 let inside = &leaves[first + 1..first + count];
-                inside.iter().fold(leaves[first], |a, b| a.union(b))
+                inside.iter().fold(leaves[first], |a, b| a.union(*b))
             } else {
-                nodes[i + 1].union(&nodes[first])
+                nodes[i + 1].union(nodes[first])
             };
         }
         Walk {
@@ -162,47 +181,10 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// Rounds a point to single precision; the last entry never decides.
-fn single(p: [f64; 3]) -> [f32; 4] {
-    [p[0] as f32, p[1] as f32, p[2] as f32, 0.0]
-}
-
-impl Cell {
-    fn union(&self, other: &Cell) -> Cell {
-        let least = |a: &[f32; 4], b: &[f32; 4]| std::array::from_fn(|k| a[k].min(b[k]));
-        let most = |a: &[f32; 4], b: &[f32; 4]| std::array::from_fn(|k| a[k].max(b[k]));
-        Cell {
-            low: least(&self.low, &other.low),
-            high: most(&self.high, &other.high),
-            least: least(&self.least, &other.least),
-            most: most(&self.most, &other.most),
-        }
-    }
-
-    /// Whether the two may touch on the way, axis by axis, as seen from the other.
-    #[inline]
-    fn meets(&self, other: &Cell) -> bool {
-        let mut apart = false;
-        for k in 0..4 {
-            let back = (self.least[k] - other.most[k]).min(0.0);
-            let forth = (self.most[k] - other.least[k]).max(0.0);
-            apart |= self.low[k] + back > other.high[k];
-            apart |= other.low[k] > self.high[k] + forth;
-        }
-        !apart
-    }
-
-    fn size(&self) -> f32 {
-        (0..3).fold(0.0, |size, k| (self.high[k] - self.low[k]).max(size))
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-
     use super::*;
-    use crate::testing::Rng;
+    use crate::{bvh::Aabb, testing::Rng};
 
     /// Random small triangles that fly about, most of them together.
     fn swarm(n: usize, seed: u64) -> (Vec<[DVec3; 3]>, Vec<[DVec3; 3]>) {
@@ -223,14 +205,13 @@ mod tests {
     fn every_pair_that_comes_near_is_visited_and_the_wind_wakes_nobody() {
         let (at, moves) = swarm(500, 3);
         let boxes: Vec<Aabb> = at.iter().map(|t| Aabb::of(t)).collect();
-        let spread: Vec<Aabb> = moves.iter().map(|t| Aabb::of(t)).collect();
         let tree = Bvh::over(&boxes);
-        let way = OnTheWay {
-            boxes: &boxes,
-            moves: &spread,
-            margin: 0.01,
+        let way = |(at, moves): (&[DVec3; 3], &[DVec3; 3])| {
+            let [a, b, c] = [0, 1, 2].map(|k| Swept::point(at[k], moves[k], 0.01));
+            a.union(b).union(c)
         };
-        let got = tree.meeting(&way, |a, b, out| out.push([a, b]));
+        let ways: Vec<Swept> = at.iter().zip(&moves).map(way).collect();
+        let got = tree.meeting(&ways, |a, b, out| out.push([a, b]));
         let set: std::collections::BTreeSet<_> = got.iter().copied().collect();
         assert_eq!(set.len(), got.len(), "no pair twice");
         let boxes_at = |i: usize, s: f64| {
