@@ -6,10 +6,6 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-mod meeting;
-
-pub use meeting::Swept;
-
 /// An axis-aligned box [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {

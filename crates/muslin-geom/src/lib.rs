@@ -13,6 +13,7 @@ pub mod intersect;
 mod mesh;
 mod remesh;
 mod report;
+mod swept;
 #[cfg(test)]
 mod testing;
 
@@ -26,3 +27,4 @@ pub use intersect::{intersecting_pairs, self_intersections};
 pub use mesh::{Mesh, vertex_normals};
 pub use remesh::{OnFace, RemeshOptions, Remeshed, remesh};
 pub use report::{Report, Value};
+pub use swept::Swept;

@@ -111,14 +111,26 @@ pub(crate) enum Far<'a> {
     /// Every piece as a whole: the inverse of the sum of its blocks.
     Wholes(&'a Pattern, Vec<Mat3A>),
     /// By handles.
-    Handles(&'a Handles, Factor),
+    Handles(&'a Handles, &'a Factor),
 }
 
 impl<'a> Far<'a> {
-    pub fn new(matrix: &'a Matrix<'_>, handles: Option<&'a Handles>) -> Far<'a> {
-        let by_handles =
-            handles.and_then(|h| Some(Far::Handles(h, Factor::new(&seen(matrix, h))?)));
-        by_handles.unwrap_or_else(|| Far::Wholes(matrix.pattern, inverse_wholes(matrix)))
+    /// With handles, their factor is found for this matrix, or is the one that was `kept` from an
+    /// earlier one: that preconditions too, if not as well.
+    pub fn new(
+        matrix: &'a Matrix<'_>,
+        handles: Option<&'a Handles>,
+        kept: &'a mut Option<Factor>,
+    ) -> Far<'a> {
+        if let Some(handles) = handles {
+            if kept.is_none() {
+                *kept = Factor::new(&seen(matrix, handles));
+            }
+            if let Some(factor) = kept {
+                return Far::Handles(handles, factor);
+            }
+        }
+        Far::Wholes(matrix.pattern, inverse_wholes(matrix))
     }
 
     /// How many parts there are.
@@ -154,21 +166,13 @@ impl<'a> Far<'a> {
     }
 }
 
-/// What moves every piece as a whole: inverses of the sums of its blocks.
+/// What moves every piece as a whole: inverses of the sums of its blocks, of which all but the
+/// diagonal ones cancel.
 fn inverse_wholes(matrix: &Matrix<'_>) -> Vec<Mat3A> {
     let pattern = matrix.pattern;
-    let rows = ordered::map(pattern.pieces.len(), |i| {
-        let mut sum = DMat3::ZERO;
-        for k in pattern.near.span(i) {
-            sum += wide(&matrix.blocks[k]);
-        }
-        let far = matrix.bending.far.span(i);
-        let far = far.map(|k| matrix.bending.far_weights[k]);
-        sum + DMat3::from_diagonal(DVec3::splat(far.sum()))
-    });
     let mut wholes = vec![DMat3::ZERO; pattern.n_pieces];
-    for (piece, row) in pattern.pieces.iter().zip(rows) {
-        wholes[*piece as usize] += row;
+    for (piece, diagonal) in pattern.pieces.iter().zip(&pattern.diagonal) {
+        wholes[*piece as usize] += wide(&matrix.blocks[*diagonal as usize]);
     }
     for link in &matrix.links {
         for a in 0..STENCIL {
@@ -199,7 +203,8 @@ fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<Mat3A>> {
             before.for_each(|(b, other)| row[b] += block * other);
         };
         for &(i, share) in &handles.moved[a] {
-            for k in near.span(i as usize) {
+            add(i, matrix.diagonal(i as usize) * share);
+            for k in near.span(i as usize).filter(|k| near.items[*k] != i) {
                 add(near.items[k], matrix.blocks[k] * share);
             }
             for k in far.span(i as usize) {
@@ -233,6 +238,7 @@ fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<Mat3A>> {
 }
 
 /// A Cholesky factor: the rows of `L`, up to the diagonal.
+#[derive(Clone, Debug)]
 pub(crate) struct Factor(Vec<Vec<f32>>);
 
 impl Factor {

@@ -1,9 +1,10 @@
 //! Stretch of all faces: energy, gradient, matrix blocks.
 
-use glam::{DMat3, DVec3};
+use glam::{DVec3, Mat3A};
 use muslin_energy::{InPlane, membrane, strain};
 
 use crate::{
+    matrix::narrow,
     ordered,
     weave::{Patch, Weave},
 };
@@ -24,11 +25,24 @@ pub(crate) fn energy(weave: &Weave, x: &[DVec3]) -> f64 {
     })
 }
 
+/// What a face answers: its stress [N/m], and as columns weft and warp the stiffness [N/m], which
+/// only has to be about right.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Answer {
+    stress: [DVec3; 2],
+    stiffness: [Mat3A; 3],
+}
+
 /// What every face answers at `x` [m].
-pub(crate) fn responses(weave: &Weave, x: &[DVec3]) -> Vec<InPlane> {
+pub(crate) fn answers(weave: &Weave, x: &[DVec3]) -> Vec<Answer> {
     ordered::map(weave.faces.len(), |f| {
-        let patch = &weave.patches[f];
-        response(patch, &weave.corners(x, f))
+        let InPlane {
+            stress, hessian, ..
+        } = response(&weave.patches[f], &weave.corners(x, f));
+        Answer {
+            stress,
+            stiffness: hessian.map(|h| narrow(&h)),
+        }
     })
 }
 
@@ -42,7 +56,7 @@ fn response(patch: &Patch, corners: &[DVec3; 3]) -> InPlane {
 }
 
 /// Gradient at vertex `i` [N].
-pub(crate) fn gradient(weave: &Weave, answers: &[InPlane], i: usize) -> DVec3 {
+pub(crate) fn gradient(weave: &Weave, answers: &[Answer], i: usize) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for &corner in weave.pattern.corners.row(i) {
         let (f, a) = (corner as usize / 3, corner as usize % 3);
@@ -56,19 +70,19 @@ pub(crate) fn gradient(weave: &Weave, answers: &[InPlane], i: usize) -> DVec3 {
 /// Adds row `i`'s blocks, whose places start at `first`, to `blocks`.
 pub(crate) fn add_row(
     weave: &Weave,
-    answers: &[InPlane],
+    answers: &[Answer],
     (i, first): (usize, usize),
-    blocks: &mut [DMat3],
+    blocks: &mut [Mat3A],
 ) {
     for &corner in weave.pattern.corners.row(i) {
         let (f, a) = (corner as usize / 3, corner as usize % 3);
         let rest = &weave.patches[f].rest;
-        let [u, v] = rest.slope(a);
-        let [uu, uv, vv] = &answers[f].hessian;
-        let left = (*uu * u + uv.transpose() * v) * rest.area;
-        let right = (*uv * u + *vv * v) * rest.area;
+        let [u, v] = rest.slope(a).map(|s| (s * rest.area) as f32);
+        let [uu, uv, vv] = &answers[f].stiffness;
+        let left = *uu * u + uv.transpose() * v;
+        let right = *uv * u + *vv * v;
         for b in 0..3 {
-            let [u, v] = rest.slope(b);
+            let [u, v] = rest.slope(b).map(|s| s as f32);
             let place = weave.pattern.places[f][a][b] as usize - first;
             blocks[place] += left * u + right * v;
         }

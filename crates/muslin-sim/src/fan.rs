@@ -12,40 +12,43 @@ use crate::{ordered, weave::Weave};
 const SPARE: f64 = 1.25;
 
 /// Vertices whose faces cannot come within `reach` [m] of each other, but at what they share,
-/// while every vertex goes straight by its entry of `moves` [m].
-pub(crate) fn open(weave: &Weave, (x, moves): (&[DVec3], &[DVec3]), reach: f64) -> Vec<bool> {
+/// while every vertex goes straight by its entry of `moves` [m]; of those that are `asked` about.
+pub(crate) fn open(
+    weave: &Weave,
+    (x, moves): (&[DVec3], &[DVec3]),
+    (reach, asked): (f64, &[bool]),
+) -> Vec<bool> {
     ordered::map(x.len(), |i| {
+        if !asked[i] {
+            return false;
+        }
         let corners = weave.pattern.corners.row(i);
-        let faces = || corners.iter().map(|c| weave.faces[*c as usize / 3]);
-        let stray = faces().flatten().map(|j| moves[j as usize] - moves[i]);
-        let stray = stray.map(|d| d.length_squared()).fold(0.0, f64::max).sqrt();
-        let normal = |f: [u32; 3]| {
-            let [a, b, c] = f.map(|j| x[j as usize]);
-            (b - a).cross(c - a)
+        let others = |c: &u32| {
+            let (f, k) = (weave.faces[*c as usize / 3], *c as usize % 3);
+            [1, 2].map(|n| f[(k + n) % 3] as usize)
         };
-        let mean = faces().map(normal).sum::<DVec3>().normalize_or_zero();
+        let stray = corners.iter().flat_map(others);
+        let stray = stray.map(|j| (moves[j] - moves[i]).length_squared());
+        let room = SPARE * (reach + 2.0 * stray.fold(0.0, f64::max).sqrt());
+        // The two sides of every face that start here.
+        let sides = || corners.iter().map(|c| others(c).map(|j| x[j] - x[i]));
+        let normals = sides().map(|[b, c]| b.cross(c));
+        let mean = normals.sum::<DVec3>().normalize_or_zero();
+        // Seen along the mean normal: what lies in its direction does not count.
+        let dot = |a: DVec3, b: DVec3| a.dot(b) - a.dot(mean) * b.dot(mean);
+        let area = |a: DVec3, b: DVec3| mean.dot(a.cross(b));
         // A fan that goes round more than once has two faces over one direction.
         let mut ahead: Option<DVec3> = None;
         let mut over = 0;
-        let heights = faces().zip(corners).all(|(f, c)| {
-            let k = *c as usize % 3;
-            let [a, b, c] = [0, 1, 2].map(|n| flat(x[f[(k + n) % 3] as usize] - x[i], mean));
-            let twice = mean.dot((b - a).cross(c - a));
-            let longest = [b - a, c - b, a - c]
-                .map(|e| e.length_squared())
-                .into_iter()
-                .fold(0.0, f64::max);
-            let ahead = *ahead.get_or_insert(b - a);
-            let before = mean.dot((b - a).cross(ahead)) >= 0.0;
-            let behind = mean.dot(ahead.cross(c - a)) > 0.0;
-            over += usize::from(before && behind && ahead.dot(b + c - a - a) > 0.0);
-            twice > SPARE * (reach + 2.0 * stray) * longest.sqrt()
+        let heights = sides().all(|[b, c]| {
+            let twice = area(b, c);
+            let longest = dot(b, b).max(dot(c, c)).max(dot(c - b, c - b));
+            let ahead = *ahead.get_or_insert(b);
+            let before = area(b, ahead) >= 0.0;
+            let behind = area(ahead, c) > 0.0;
+            over += usize::from(before && behind && dot(ahead, b + c) > 0.0);
+            twice > 0.0 && twice * twice > room * room * longest
         });
         heights && over <= 1
     })
-}
-
-/// `p` without its part along the unit vector `n`.
-fn flat(p: DVec3, n: DVec3) -> DVec3 {
-    p - n * p.dot(n)
 }

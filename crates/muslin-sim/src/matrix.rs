@@ -9,12 +9,12 @@
 //! ([`crate::coarse`]). Without that second part a sheet that nothing holds hardly moves in its own
 //! plane: its stretch is so much stiffer than its inertia that the iterations run out first.
 
-use glam::{DMat3, DVec3, Mat3A, Vec3A};
+use glam::{DMat3, DVec3, Mat3A, Vec3, Vec3A};
 use rayon::prelude::*;
 
 use crate::{
     bending::Bending,
-    coarse::{Far, Handles},
+    coarse::{Factor, Far, Handles},
     ordered::{self, CHUNK},
     pattern::{Pattern, Rows},
 };
@@ -34,7 +34,8 @@ pub(crate) struct Link {
 pub(crate) struct Matrix<'a> {
     pub pattern: &'a Pattern,
     pub bending: &'a Bending,
-    /// 3×3 blocks at the pattern's places; bending's near part included [N/m].
+    /// 3×3 blocks at the pattern's places, bending's near part included [N/m]. On the diagonal stands
+    /// only what the rows do not sum to zero without: inertia, pins and touches.
     pub blocks: Vec<Mat3A>,
     pub links: Vec<Link>,
     /// For every vertex, `4 link + position in its stencil`.
@@ -110,15 +111,18 @@ impl<'a> Matrix<'a> {
 
     fn row(&self, i: usize, p: &[Vec3A], pulls: &[Vec3A]) -> Vec3A {
         let (near, far) = (&self.pattern.near, &self.bending.far);
-        let mut sum = Vec3A::ZERO;
+        // On differences, so that cloth which moves as one meets its inertia and nothing else: beside
+        // the stiffness of its yarns that would be lost in rounding.
+        let here = p[i];
+        let mut sum = self.blocks[self.pattern.diagonal[i] as usize] * here;
         let span = near.span(i);
         for (block, &j) in self.blocks[span.clone()].iter().zip(&near.items[span]) {
-            sum += *block * p[j as usize];
+            sum += *block * (p[j as usize] - here);
         }
         let span = far.span(i);
         let weights = &self.bending.far_single[span.clone()];
         for (weight, &j) in weights.iter().zip(&far.items[span]) {
-            sum += p[j as usize] * *weight;
+            sum += (p[j as usize] - here) * *weight;
         }
         for &use_ in self.of_vertex.row(i) {
             let (l, k) = (use_ as usize / STENCIL, use_ as usize % STENCIL);
@@ -127,10 +131,21 @@ impl<'a> Matrix<'a> {
         sum
     }
 
+    /// The block on the diagonal, without links.
+    pub fn diagonal(&self, i: usize) -> Mat3A {
+        let here = self.pattern.diagonal[i] as usize;
+        let others = self.pattern.near.span(i).filter(|k| *k != here);
+        let others: Mat3A = others.map(|k| self.blocks[k]).sum();
+        let far: f32 = self.bending.far_single[self.bending.far.span(i)]
+            .iter()
+            .sum();
+        self.blocks[here] - others - Mat3A::from_diagonal(Vec3::splat(far))
+    }
+
     /// Inverses of the diagonal blocks.
     fn inverse_diagonal(&self) -> Vec<Mat3A> {
         ordered::map(self.pattern.diagonal.len(), |i| {
-            let mut d = self.blocks[self.pattern.diagonal[i] as usize];
+            let mut d = self.diagonal(i);
             for &use_ in self.of_vertex.row(i) {
                 let (l, k) = (use_ as usize / STENCIL, use_ as usize % STENCIL);
                 let w = self.links[l].weights[k];
@@ -148,11 +163,16 @@ impl<'a> Matrix<'a> {
     /// An approximate solution of `A x = b`, started from zero, and the iterations spent.
     ///
     /// Stops where the matrix shows no positive curvature along the search direction, which
-    /// rounding alone can cause; what was found up to there still descends.
-    pub fn solve(&self, b: &[DVec3], effort: &Effort<'_>) -> (Vec<DVec3>, usize) {
+    /// rounding alone can cause; what was found up to there still descends. `kept`: see [`Far::new`].
+    pub fn solve(
+        &self,
+        b: &[DVec3],
+        effort: &Effort<'_>,
+        kept: &mut Option<Factor>,
+    ) -> (Vec<DVec3>, usize) {
         let n = b.len();
         let inverse = self.inverse_diagonal();
-        let far = Far::new(self, effort.handles);
+        let far = Far::new(self, effort.handles, kept);
         let nothing = || vec![Vec3A::ZERO; n];
         let mut r: Vec<Vec3A> = b.iter().map(single).collect();
         let (mut x, mut z, mut p, mut ap) = (nothing(), nothing(), nothing(), nothing());

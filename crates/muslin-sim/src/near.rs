@@ -1,12 +1,23 @@
 //! Which pieces of cloth are near which: the list that contact and the safe step share.
+//!
+//! The list is kept by pairs of regions of the cloth. Every pair of regions knows how far apart
+//! whatever its part of the list leaves out was, and when; that shrinks by what the one region does
+//! as seen from the other. Only pairs of regions that have come to the end of it are searched
+//! again, a few in a step: the folds that form, the sleeve that meets the side.
 
 use glam::DVec3;
 use muslin_geom::{
-    bvh::{Bvh, Swept},
+    Aabb, Swept,
     closest::{on_segments, on_triangle},
 };
+use rayon::prelude::*;
 
-use crate::{fan, ordered, region::Distances, weave::Weave};
+use crate::{
+    fan, ordered,
+    region::{gap, shift},
+    safe::make_safe,
+    weave::Weave,
+};
 
 /// Two features that may touch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,119 +27,323 @@ pub(crate) struct Near {
     pub is_edges: bool,
 }
 
-/// All pairs of features within reach, found at `at`.
+/// Slack of the list [m].
+const SLACK: f64 = 3.5e-3;
+/// Whoever stays farther apart than this does not meet [m].
+const TOUCHING: f64 = 5e-4;
+/// Regions farther apart than this are not looked at one by one [m].
+const FAR: f64 = 0.05;
+/// Places that pairs of regions may have been looked at, before the oldest is given up.
+const PLACES: usize = 4;
+/// Looks at a move that keeps changing.
+const LOOKS: usize = 8;
+
+/// All pairs of features that may touch.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Neighbours {
     pub list: Vec<Near>,
-    /// Positions the list was made at [m].
-    at: Vec<DVec3>,
-    /// Distance below which every pair is in the list [m].
-    reach: f64,
-    /// How far apart regions of the cloth were.
-    distances: Distances,
+    pairs: Vec<Pair>,
+    /// Positions that pairs of regions were looked at [m], the latest last.
+    places: Vec<Vec<DVec3>>,
+    /// Positions where all others were at least so far apart [m].
+    beyond: (Vec<DVec3>, f64),
 }
+
+/// Two regions, or one twice, and what is near between them.
+#[derive(Clone, Debug)]
+struct Pair {
+    regions: [u32; 2],
+    /// The place it was looked at.
+    place: usize,
+    /// How far apart was there, at least, whatever is not in the list [m].
+    clear: f64,
+    list: Vec<Near>,
+}
+
+/// Straight ways of all vertices: from where, and by how much [m].
+type Ways<'a> = (&'a [DVec3], &'a [DVec3]);
 
 impl Neighbours {
-    /// Finds the pairs within `reach` [m] at `x`. `tree` is a tree over the faces, of any shape.
-    pub fn find(weave: &Weave, tree: &Bvh, x: &[DVec3], reach: f64) -> Neighbours {
-        on_the_way(weave, tree, (x, &vec![DVec3::ZERO; x.len()]), reach)
-    }
-
-    /// Whether the list still holds every pair within `radius` [m] after the cloth moved to `x`.
-    ///
-    /// What neighbours do together does not count.
-    pub fn covers(
-        &self,
-        weave: &Weave,
-        x: impl Fn(usize) -> DVec3 + Sync + Send,
-        radius: f64,
-    ) -> bool {
-        let gone = |v: usize| x(v) - self.at[v];
-        let regions = (&weave.regions, self.reach);
-        self.at.len() == weave.n_verts() && self.distances.hold(regions, gone, radius)
-    }
-}
-
-/// The pairs that could come within `reach` [m] while every vertex goes straight by its entry of
-/// `moves` [m]; a list for where they arrive.
-///
-/// What neighbours do together does not bring them together: only the difference of their moves
-/// counts against the distance between them.
-pub(crate) fn on_the_way(
-    weave: &Weave,
-    tree: &Bvh,
-    (x, moves): (&[DVec3], &[DVec3]),
-    reach: f64,
-) -> Neighbours {
-    let open = fan::open(weave, (x, moves), reach);
-    let verts = ordered::map(x.len(), |i| Swept::point(x[i] - x[0], moves[i], reach));
-    let around = |v: &[u32]| {
-        let ways = v.iter().map(|i| verts[*i as usize]);
-        ways.reduce(Swept::union).expect("features have vertices")
-    };
-    let faces = ordered::map(weave.faces.len(), |f| around(&weave.faces[f]));
-    let scene = Scene {
-        edges: &ordered::map(weave.edges.len(), |e| around(&weave.edges[e])),
-        verts: &verts,
-        faces: &faces,
-        weave,
-        x,
-        moves,
-        reach,
-    };
-    let list = tree.meeting(&faces, |f, g, out| {
-        let (mine, theirs) = (weave.faces[f], weave.faces[g]);
-        let apart = |v: u32| theirs.contains(&v) && open[v as usize];
-        if !mine.into_iter().any(apart) {
-            scene.features((f, g), out);
+    /// Makes the list hold every pair that is within `distance` [m] at `x`. Vertices that are
+    /// `tangled` have passed through each other already.
+    pub fn look(&mut self, (weave, tangled): (&Weave, &[bool]), x: &[DVec3], distance: f64) {
+        let stale = self.stale(weave, x, distance);
+        if !self.apart(x, distance) || !stale.is_empty() {
+            let still = vec![DVec3::ZERO; x.len()];
+            self.renew(weave, (x, &still), (stale, distance));
+            self.gather(tangled);
         }
-    });
-    let at = ordered::map(x.len(), |i| x[i] + moves[i]);
-    Neighbours {
-        list,
-        distances: Distances::between(&weave.regions, &at),
-        at,
-        reach,
+    }
+
+    /// Changes `moves` [m] from `x` [m] until no cloth passes through itself on the way.
+    ///
+    /// A changed move may lead to other pairs than those looked at, so it is looked at again; one
+    /// that keeps changing is brought nearer to what all of the cloth does, in the end to just that.
+    pub fn lead(&mut self, (weave, tangled): (&Weave, &[bool]), x: &[DVec3], moves: &mut [DVec3]) {
+        let mean = moves.iter().sum::<DVec3>() / moves.len() as f64;
+        // Between two places that the list covers it covers every place: distances shrink by what
+        // pairs go against each other, and that is linear in time.
+        let mut stale = self.stale(weave, x, TOUCHING);
+        for look in 0..LOOKS {
+            if look + 1 == LOOKS {
+                moves.fill(mean);
+            } else if look >= LOOKS / 2 {
+                moves.iter_mut().for_each(|m| *m = m.lerp(mean, 0.5));
+            }
+            let there = sum(x, moves);
+            // Whoever may push there is wanted as well, so that it need not be looked for again.
+            stale.extend(self.stale(weave, &there, weave.radius));
+            if !stale.is_empty() || !self.apart(x, TOUCHING) || !self.apart(&there, TOUCHING) {
+                self.renew(weave, (x, moves), (std::mem::take(&mut stale), TOUCHING));
+                self.gather(tangled);
+            }
+            if !make_safe(&self.list, x, moves) {
+                return;
+            }
+            let there = sum(x, moves);
+            stale = self.stale(weave, &there, TOUCHING);
+            if stale.is_empty() && self.apart(&there, TOUCHING) {
+                return;
+            }
+        }
+    }
+
+    /// Whether regions that are no pair are more than `distance` [m] apart at `x`.
+    fn apart(&self, x: &[DVec3], distance: f64) -> bool {
+        let (at, far) = &self.beyond;
+        at.len() == x.len() && {
+            let gone: Vec<DVec3> = x.iter().zip(at).map(|(x, at)| *x - *at).collect();
+            spread(&gone) <= far - distance
+        }
+    }
+
+    /// Pairs of regions of which something that is not in the list may be within `distance` [m] at
+    /// `x`.
+    fn stale(&self, weave: &Weave, x: &[DVec3], distance: f64) -> Vec<usize> {
+        let places = self.places.iter();
+        let gone = places.map(|at| weave.regions.boxes(|v| x[v] - at[v]));
+        let gone: Vec<Vec<Aabb>> = gone.collect();
+        let holds = |p: &Pair| {
+            let [a, b] = p.regions.map(|r| &gone[p.place][r as usize]);
+            shift(a, b) <= p.clear - distance
+        };
+        let pairs = self.pairs.iter().enumerate();
+        pairs.filter(|p| !holds(p.1)).map(|p| p.0).collect()
+    }
+
+    /// Looks again at pairs of regions for all that may come near on the way; the answer is for
+    /// where it leads. Where regions may be near that are no pair, finds all pairs first.
+    fn renew(
+        &mut self,
+        weave: &Weave,
+        (x, moves): Ways<'_>,
+        (mut stale, distance): (Vec<usize>, f64),
+    ) {
+        let there = sum(x, moves);
+        let boxes = weave.regions.boxes(|v| there[v]);
+        let steps = weave.regions.boxes(|v| moves[v]);
+        self.places.push(there);
+        let there = &self.places[self.places.len() - 1];
+        if !self.apart(x, distance) || !self.apart(there, distance) {
+            let far = FAR + spread(moves);
+            self.beyond = (there.clone(), far);
+            self.pair_up(&boxes, far);
+            stale = self.stale(weave, x, distance);
+            stale.extend(self.stale(weave, &self.beyond.0, distance));
+        }
+        stale.sort_unstable();
+        stale.dedup();
+        let reach = weave.radius + SLACK;
+        let scene = Scene::new(
+            weave,
+            (x, moves),
+            reach,
+            stale.iter().flat_map(|k| self.pairs[*k].regions),
+        );
+        let look = |k: &usize| {
+            let [a, b] = self.pairs[*k].regions.map(|r| r as usize);
+            let apart = gap(&boxes[a], &boxes[b]);
+            if apart - shift(&steps[a], &steps[b]) > reach {
+                (apart, Vec::new())
+            } else {
+                (reach, scene.search(a, b))
+            }
+        };
+        let found: Vec<(f64, Vec<Near>)> = stale.par_iter().map(look).collect();
+        let place = self.places.len() - 1;
+        for (k, (clear, list)) in stale.into_iter().zip(found) {
+            let regions = self.pairs[k].regions;
+            self.pairs[k] = Pair {
+                regions,
+                place,
+                clear,
+                list,
+            };
+        }
+        if self.places.len() > PLACES {
+            self.give_up_oldest(weave);
+        }
+    }
+
+    /// Every two regions whose `boxes`, at the latest place, are within `far` [m].
+    fn pair_up(&mut self, boxes: &[Aabb], far: f64) {
+        let rows = ordered::map(boxes.len(), |a| {
+            let others = (a..boxes.len()).map(|b| (b, gap(&boxes[a], &boxes[b])));
+            others.filter(|o| o.1 <= far).collect::<Vec<_>>()
+        });
+        let place = self.places.len() - 1;
+        let mut known = std::mem::take(&mut self.pairs).into_iter().peekable();
+        for (a, (b, clear)) in (0..)
+            .zip(rows)
+            .flat_map(|(a, row)| row.into_iter().map(move |o| (a, o)))
+        {
+            let regions = [a, b as u32];
+            while known.next_if(|p| p.regions < regions).is_some() {}
+            let pair = known.next_if(|p| p.regions == regions);
+            self.pairs.push(pair.unwrap_or(Pair {
+                regions,
+                place,
+                clear,
+                list: Vec::new(),
+            }));
+        }
+    }
+
+    /// Whoever was looked at in the first place counts from the last one on.
+    fn give_up_oldest(&mut self, weave: &Weave) {
+        let last = self.places.len() - 1;
+        let (from, to) = (&self.places[0], &self.places[last]);
+        let gone = weave.regions.boxes(|v| to[v] - from[v]);
+        for pair in &mut self.pairs {
+            if pair.place == 0 {
+                let [a, b] = pair.regions.map(|r| &gone[r as usize]);
+                pair.clear -= shift(a, b);
+                pair.place = last;
+            }
+            pair.place -= 1;
+        }
+        self.places.remove(0);
+    }
+
+    /// Makes the list anew of what the pairs of regions know, without what has passed through each
+    /// other already.
+    pub fn gather(&mut self, tangled: &[bool]) {
+        let free = |n: &&Near| !n.verts.iter().all(|v| tangled[*v as usize]);
+        let all = self.pairs.iter().flat_map(|p| &p.list);
+        self.list = all.filter(free).copied().collect();
     }
 }
 
-/// Where everything is and goes, and what is asked about two faces.
+fn sum(x: &[DVec3], moves: &[DVec3]) -> Vec<DVec3> {
+    x.iter().zip(moves).map(|(x, m)| *x + *m).collect()
+}
+
+/// The most that two of these differ by, axis by axis [m].
+fn spread(moves: &[DVec3]) -> f64 {
+    let all = Aabb::of(moves);
+    shift(&all, &all)
+}
+
+/// Where everything is and goes, and what is asked about two regions.
 struct Scene<'a> {
     weave: &'a Weave,
     x: &'a [DVec3],
     moves: &'a [DVec3],
-    verts: &'a [Swept],
-    edges: &'a [Swept],
-    faces: &'a [Swept],
     reach: f64,
+    verts: Vec<Swept>,
+    /// Vertices whose faces cannot come near each other.
+    open: Vec<bool>,
 }
 
-impl Scene<'_> {
-    /// Adds the pairs of features of faces `f` and `g` that may come within reach.
-    fn features(&self, (f, g): (usize, usize), out: &mut Vec<Near>) {
-        self.vertices((f, g), out);
-        self.vertices((g, f), out);
-        let mut theirs = [0; 3];
+impl<'a> Scene<'a> {
+    /// `regions`: those that will be asked about.
+    fn new(
+        weave: &'a Weave,
+        (x, moves): Ways<'a>,
+        reach: f64,
+        regions: impl Iterator<Item = u32>,
+    ) -> Scene<'a> {
+        let mut asked = vec![false; x.len()];
+        for r in regions {
+            let verts = weave.regions.verts(r as usize).iter();
+            verts.for_each(|v| asked[*v as usize] = true);
+        }
+        Scene {
+            verts: ordered::map(x.len(), |i| Swept::point(x[i] - x[0], moves[i], reach)),
+            open: fan::open(weave, (x, moves), (reach, &asked)),
+            weave,
+            x,
+            moves,
+            reach,
+        }
+    }
+
+    fn around(&self, verts: &[u32]) -> Swept {
+        let ways = verts.iter().map(|i| self.verts[*i as usize]);
+        ways.reduce(Swept::union).expect("features have vertices")
+    }
+
+    /// The faces of a region, and their ways.
+    fn faces(&self, region: usize) -> Vec<(usize, Swept)> {
+        let faces = self.weave.regions.faces(region).iter();
+        let way = |f: &u32| (*f as usize, self.around(&self.weave.faces[*f as usize]));
+        faces.map(way).collect()
+    }
+
+    /// Pairs of features of two regions, or within one, that may come within reach.
+    fn search(&self, a: usize, b: usize) -> Vec<Near> {
+        let mut out = Vec::new();
+        let mine = self.faces(a);
+        if a == b {
+            for (k, f) in mine.iter().enumerate() {
+                let rest = mine[k + 1..].iter();
+                rest.filter(|g| f.1.meets(&g.1))
+                    .for_each(|g| self.faces_near(f, g, &mut out));
+            }
+            return out;
+        }
+        let all = |faces: &[(usize, Swept)]| faces.iter().map(|f| f.1).reduce(Swept::union);
+        let theirs = self.faces(b);
+        let (Some(here), Some(there)) = (all(&mine), all(&theirs)) else {
+            return out;
+        };
+        let theirs: Vec<_> = theirs.into_iter().filter(|g| g.1.meets(&here)).collect();
+        for f in mine.iter().filter(|f| f.1.meets(&there)) {
+            let meeting = theirs.iter().filter(|g| f.1.meets(&g.1));
+            meeting.for_each(|g| self.faces_near(f, g, &mut out));
+        }
+        out
+    }
+
+    /// Adds the pairs of features of two faces that may come within reach.
+    fn faces_near(&self, f: &(usize, Swept), g: &(usize, Swept), out: &mut Vec<Near>) {
+        let (f, g) = if f.0 < g.0 { (f, g) } else { (g, f) };
+        let (mine, theirs) = (self.weave.faces[f.0], self.weave.faces[g.0]);
+        let apart = |v: u32| theirs.contains(&v) && self.open[v as usize];
+        if mine.into_iter().any(apart) {
+            return;
+        }
+        self.vertices(f.0, g, out);
+        self.vertices(g.0, f, out);
+        let mut ways = [([0; 2], f.1); 3];
         let mut n = 0;
-        for e in self
-            .edges(g)
-            .filter(|e| self.edges[*e].meets(&self.faces[f]))
-        {
-            theirs[n] = e;
-            n += 1;
+        for ends in self.edges(g.0) {
+            let way = self.around(&ends);
+            if way.meets(&f.1) {
+                ways[n] = (ends, way);
+                n += 1;
+            }
         }
         if n == 0 {
             return;
         }
-        for e in self.edges(f) {
-            let [a, b] = self.weave.edges[e];
-            for &other in &theirs[..n] {
-                let [c, d] = self.weave.edges[other];
-                let apart = a != c && a != d && b != c && b != d;
-                let meet = || self.edges[e].meets(&self.edges[other]);
-                if apart && meet() && self.edges_near([a, b, c, d]) {
+        for [a, b] in self.edges(f.0) {
+            let way = self.around(&[a, b]);
+            for ([c, d], other) in &ways[..n] {
+                let apart = a != *c && a != *d && b != *c && b != *d;
+                if apart && way.meets(other) && self.edges_near([a, b, *c, *d]) {
                     out.push(Near {
-                        verts: [a, b, c, d],
+                        verts: [a, b, *c, *d],
                         is_edges: true,
                     });
                 }
@@ -137,14 +352,13 @@ impl Scene<'_> {
     }
 
     /// Adds the vertices of face `f` that may come near face `g`.
-    fn vertices(&self, (f, g): (usize, usize), out: &mut Vec<Near>) {
-        let t = self.weave.faces[g];
+    fn vertices(&self, f: usize, g: &(usize, Swept), out: &mut Vec<Near>) {
+        let t = self.weave.faces[g.0];
         for v in self.weave.owned[f].verts {
             if v == u32::MAX || t.contains(&v) {
                 continue;
             }
-            let meet = self.verts[v as usize].meets(&self.faces[g]);
-            if meet && self.vertex_near(v, t) {
+            if self.verts[v as usize].meets(&g.1) && self.vertex_near(v, t) {
                 out.push(Near {
                     verts: [v, t[0], t[1], t[2]],
                     is_edges: false,
@@ -154,9 +368,10 @@ impl Scene<'_> {
     }
 
     /// The edges that face `f` answers for.
-    fn edges(&self, f: usize) -> impl Iterator<Item = usize> {
+    fn edges(&self, f: usize) -> impl Iterator<Item = [u32; 2]> {
         let owned = self.weave.owned[f].edges.into_iter();
-        owned.filter(|e| *e != u32::MAX).map(|e| e as usize)
+        let edges = owned.filter(|e| *e != u32::MAX);
+        edges.map(|e| self.weave.edges[e as usize])
     }
 
     /// Largest of the relative moves of two vertices, squared [m²].
@@ -178,5 +393,109 @@ impl Scene<'_> {
         let reach = self.reach + drift.into_iter().fold(0.0, f64::max).sqrt();
         let [a, b, c, d] = v.map(|i| self.x[i as usize]);
         on_segments([a, b], [c, d]).distance <= reach
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+    use muslin_energy::{hinge::Bend, membrane::Stretch};
+
+    use super::*;
+    use crate::cloth::{Cloth, Material};
+
+    /// Two sheets of 12 x 12 vertices, 1 cm apart each way, over one another.
+    fn sheets() -> (Cloth, Vec<DVec3>) {
+        let flat = |v: u32| DVec2::new(f64::from(v % 12), f64::from(v / 12)) * 0.01;
+        let cells = (0..132_u32).filter(|v| v % 12 < 11);
+        let faces: Vec<[u32; 3]> = cells
+            .flat_map(|v| [[v, v + 1, v + 13], [v, v + 13, v + 12]])
+            .flat_map(|f| [f, f.map(|v| v + 144)])
+            .collect();
+        let material = Material {
+            density: 0.2,
+            stretch: Stretch {
+                warp: 300.0,
+                weft: 300.0,
+                shear: 100.0,
+                compression: 1.0,
+            },
+            bend: Bend {
+                warp: 1e-5,
+                weft: 1e-5,
+            },
+            limit: None,
+            friction: 0.3,
+            thickness: 1e-3,
+        };
+        let cloth = Cloth {
+            rest: faces.iter().map(|f| f.map(|v| flat(v % 144))).collect(),
+            materials: vec![material],
+            material_of: vec![0; faces.len()],
+            layers: vec![0; 288],
+            pins: Vec::new(),
+            faces,
+        };
+        let at = |v: u32| flat(v % 144).extend(if v < 144 { 0.0 } else { 0.012 });
+        (cloth, (0..288).map(at).collect())
+    }
+
+    /// Everything within `distance` [m], asked one by one.
+    fn all_near(weave: &Weave, x: &[DVec3], distance: f64) -> Vec<([u32; 4], bool)> {
+        let p = |v: u32| x[v as usize];
+        let mut out = Vec::new();
+        for t in &weave.faces {
+            for v in (0..x.len() as u32).filter(|v| !t.contains(v)) {
+                if on_triangle(p(v), &t.map(p)).point.distance(p(v)) < distance {
+                    out.push(([v, t[0], t[1], t[2]], false));
+                }
+            }
+        }
+        for (k, [a, b]) in weave.edges.iter().enumerate() {
+            for [c, d] in &weave.edges[k + 1..] {
+                let apart = a != c && a != d && b != c && b != d;
+                if apart && on_segments([p(*a), p(*b)], [p(*c), p(*d)]).distance < distance {
+                    out.push(([*a, *b, *c, *d], true));
+                }
+            }
+        }
+        out
+    }
+
+    #[test]
+    fn whoever_is_near_is_in_the_list_however_the_cloth_got_there() {
+        let (cloth, mut x) = sheets();
+        let weave = Weave::new(&cloth).expect("a valid cloth");
+        let tangled = vec![false; x.len()];
+        let mut near = Neighbours::default();
+        let mut met = 0;
+        for step in 0..40 {
+            // The sheets fold up, are pressed together, turn, and fly.
+            let t = f64::from(step) * 0.2;
+            let by = |(v, p): (usize, &DVec3)| {
+                let wave = DVec3::Z * (0.004 * (90.0 * p.x + 50.0 * p.y + 3.0 * t).sin());
+                let press = DVec3::Z * if v < 144 { 0.0015 } else { -0.0015 };
+                wave + press + DVec3::new(0.3, -0.1, 0.2) + p.cross(DVec3::Y) * 0.05
+            };
+            let mut moves: Vec<DVec3> = x.iter().enumerate().map(by).collect();
+            near.lead((&weave, &tangled), &x, &mut moves);
+            x = sum(&x, &moves);
+            near.look((&weave, &tangled), &x, weave.radius);
+            let set: std::collections::BTreeSet<_> = near
+                .list
+                .iter()
+                .flat_map(|n| {
+                    let [a, b, c, d] = n.verts;
+                    let turned = if n.is_edges { [c, d, a, b] } else { n.verts };
+                    [([a, b, c, d], n.is_edges), (turned, n.is_edges)]
+                })
+                .collect();
+            let all = all_near(&weave, &x, weave.radius);
+            met += all.len();
+            for pair in all {
+                assert!(set.contains(&pair), "step {step}: {pair:?}");
+            }
+        }
+        assert!(met > 100, "{met}");
     }
 }

@@ -1,11 +1,12 @@
 //! One Newton step: assemble, solve, make sure that it descends.
 
-use glam::{DMat3, DVec3, Mat3A};
+use glam::{DVec3, Mat3A, Vec3};
 use muslin_energy::{contact::Barrier, point};
 use rayon::prelude::*;
 
 use crate::{
-    elastic,
+    coarse::Factor,
+    elastic::{self, Answer},
     matrix::{Effort, Matrix, narrow},
     ordered,
     pairs::{self, Pair},
@@ -64,29 +65,27 @@ impl Problem<'_> {
     /// The gradient [N] and the matrix at `x`.
     fn assemble(&self, x: &[DVec3]) -> (Vec<DVec3>, Matrix<'_>) {
         let w = self.weave;
-        let answers = elastic::responses(w, x);
+        let answers = elastic::answers(w, x);
         let mut gradient = ordered::map(x.len(), |i| self.own_gradient(&answers, x, i));
         let mut blocks = self.blocks(&answers);
-        let mut add = |place: u32, h: DMat3| {
-            blocks[place as usize] += narrow(&h);
-        };
+        let mut add = |place: u32, h: Mat3A| blocks[place as usize] += h;
         for &(i, t) in self.pins {
             let held = point::pin(x[i as usize], t, self.pin);
             gradient[i as usize] += held.gradient;
-            add(w.pattern.diagonal[i as usize], held.hessian);
+            add(w.pattern.diagonal[i as usize], narrow(&held.hessian));
         }
         touch::add(self.touches, x, &mut gradient, |touch, a, b, h| {
-            let place = match touch.face {
-                Some(f) => w.pattern.places[f as usize][a][b],
-                None => w.pattern.diagonal[touch.verts[a] as usize],
-            };
-            add(place, h);
+            let (here, h) = (w.pattern.diagonal[touch.verts[a] as usize], narrow(&h));
+            add(here, h);
+            if let Some(f) = touch.face.filter(|_| a != b) {
+                add(w.pattern.places[f as usize][a][b], h);
+            }
         });
         let links = pairs::add(self.pairs, x, &self.barrier, &mut gradient);
         (gradient, Matrix::new(&w.pattern, &w.bending, blocks, links))
     }
 
-    fn own_gradient(&self, answers: &[muslin_energy::InPlane], x: &[DVec3], i: usize) -> DVec3 {
+    fn own_gradient(&self, answers: &[Answer], x: &[DVec3], i: usize) -> DVec3 {
         let (w, m) = (self.weave, self.weave.mass[i]);
         point::inertia(x[i], self.target[i], m, self.step).gradient
             + point::gravity(x[i], m, self.gravity).gradient
@@ -95,7 +94,7 @@ impl Problem<'_> {
     }
 
     /// Blocks of inertia, stretch and bending.
-    fn blocks(&self, answers: &[muslin_energy::InPlane]) -> Vec<Mat3A> {
+    fn blocks(&self, answers: &[Answer]) -> Vec<Mat3A> {
         let (w, near) = (self.weave, &self.weave.pattern.near);
         let n = w.n_verts();
         let chunks: Vec<Vec<Mat3A>> = (0..n.div_ceil(ordered::CHUNK))
@@ -104,24 +103,30 @@ impl Problem<'_> {
                 let rows = c * ordered::CHUNK..((c + 1) * ordered::CHUNK).min(n);
                 let first = near.start[rows.start] as usize;
                 let last = near.start[rows.end] as usize;
-                let scalar = |k: &f64| DMat3::from_diagonal(DVec3::splat(*k));
-                let mut out: Vec<DMat3> = w.bending.near[first..last].iter().map(scalar).collect();
+                let scalar = |k: &f64| Mat3A::from_diagonal(Vec3::splat(*k as f32));
+                let mut out: Vec<Mat3A> = w.bending.near[first..last].iter().map(scalar).collect();
                 for i in rows {
                     elastic::add_row(w, answers, (i, first), &mut out);
                     let k = w.mass[i] / (self.step * self.step);
-                    out[w.pattern.diagonal[i] as usize - first] += scalar(&k);
+                    out[w.pattern.diagonal[i] as usize - first] = scalar(&k);
                 }
-                out.iter().map(narrow).collect()
+                out
             })
             .collect();
         chunks.concat()
     }
 
-    /// A displacement from `x` that lowers the energy [m]; none if nothing finite was found.
-    pub fn descend(&self, x: &[DVec3], effort: &Effort<'_>) -> Option<Vec<DVec3>> {
+    /// A displacement from `x` that lowers the energy [m]; none if nothing finite was found. `kept`:
+    /// see [`crate::coarse::Far::new`].
+    pub fn descend(
+        &self,
+        x: &[DVec3],
+        effort: &Effort<'_>,
+        kept: &mut Option<Factor>,
+    ) -> Option<Vec<DVec3>> {
         let (gradient, matrix) = self.assemble(x);
         let down: Vec<DVec3> = gradient.iter().map(|g| -*g).collect();
-        let (mut moves, _) = matrix.solve(&down, effort);
+        let (mut moves, _) = matrix.solve(&down, effort, kept);
         let first = self.energy(x);
         for _ in 0..HALVINGS {
             touch::keep_out(self.touches, x, &mut moves);
@@ -264,7 +269,7 @@ mod tests {
             handles: None,
             tolerance: 1e-8,
         };
-        let moves = problem.descend(&x, &effort).expect("finite");
+        let moves = problem.descend(&x, &effort, &mut None).expect("finite");
         let there: Vec<DVec3> = x.iter().zip(&moves).map(|(x, m)| *x + *m).collect();
         assert!(problem.energy(&there) < problem.energy(&x));
     }
@@ -297,6 +302,7 @@ mod tests {
                 handles: None,
                 tolerance: 1e-10,
             },
+            &mut None,
         );
         let back = matrix.times(&solution);
         let worst = back
@@ -360,7 +366,7 @@ mod tests {
                 handles,
                 tolerance: 1e-9,
             };
-            let (moves, _) = matrix.solve(&down, &effort);
+            let (moves, _) = matrix.solve(&down, &effort, &mut None);
             moves[590..].iter().map(|m| m.y).sum::<f64>() / 10.0
         };
         let exact = hem(None, 5000);

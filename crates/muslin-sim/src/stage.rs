@@ -11,16 +11,16 @@ use crate::{
     body::{Body, Skin},
     carry::{self, Carrier},
     cloth::{Cloth, SimError},
-    coarse::Handles,
+    coarse::{Factor, Handles},
     crossings,
     drape::{GoOn, Options, asked},
     matrix::Effort,
-    near::{self, Near, Neighbours},
+    near::Neighbours,
     newton::Problem,
     ordered,
     pairs::{Pair, Rule},
     pattern::Rows,
-    quality, relief, safe,
+    quality, relief,
     simulate::State,
     touch::Touch,
     weave::Weave,
@@ -35,6 +35,8 @@ pub(crate) struct Stage<'a> {
     pins: Vec<(u32, Held)>,
     /// Where waves cross the cloth faster than iterations on vertices do.
     handles: Option<Handles>,
+    /// What handles do to the energy, as far as that may be taken from an earlier solve.
+    kept: Option<Factor>,
     pub tree: Bvh,
     near: Neighbours,
     /// Positions [m], velocities relative to the body [m/s].
@@ -82,10 +84,6 @@ impl Pace {
 /// Where a pin sits in the frame of its skin [m].
 type Held = DVec3;
 
-/// Slack of the neighbour lists [m].
-const SLACK: f64 = 3.5e-3;
-/// Whoever stays farther apart than this does not meet [m].
-const TOUCHING: f64 = 5e-4;
 /// Skin this close to cloth must not jump [m].
 const NEARBY: f64 = 0.025;
 /// Thin parts of the body are watched from this far beyond the gap on [m].
@@ -94,13 +92,6 @@ const WATCHED: f64 = 4e-3;
 const FASTEST: f64 = 0.008;
 /// Most pieces that a step of the path is cut into.
 const PIECES: usize = 5;
-/// Looks at a move that keeps changing.
-const LOOKS: usize = 8;
-/// Share of the reach by which a move may change and still meet nobody but those it was told of.
-///
-/// Two features that both change by this much stay apart by the rest of the reach.
-const SEEN: f64 = 0.4;
-
 impl<'a> Stage<'a> {
     pub fn new(
         weave: &'a Weave,
@@ -118,6 +109,7 @@ impl<'a> Stage<'a> {
         let mut stage = Stage {
             pins: cloth.pins.iter().map(held).collect(),
             handles: handles.flatten(),
+            kept: None,
             tree: Bvh::over(&face_boxes(start, &weave.faces)),
             body: Body::new(skin, start.len()),
             near: Neighbours::default(),
@@ -234,7 +226,7 @@ impl<'a> Stage<'a> {
         {
             self.tangled[v as usize] = true;
         }
-        self.near = Neighbours::default();
+        self.near.gather(&self.tangled);
     }
 
     /// Skin vertices that the cloth is worn on.
@@ -251,6 +243,7 @@ impl<'a> Stage<'a> {
         self.body.forget_all();
         self.body.stand();
         self.tree = Bvh::over(&face_boxes(x, &self.weave.faces));
+        self.near = Neighbours::default();
         self.find_tangles();
     }
 
@@ -276,6 +269,7 @@ impl<'a> Stage<'a> {
 
     /// Goes on for `time` [s], in which the body moves to `frame`, in as many steps as that needs.
     pub fn live(&mut self, frame: &[DVec3], time: f64, top_speed: f64) -> Result<(), SimError> {
+        self.kept = None;
         let drift: Vec<DVec3> = self.v.iter().map(|v| *v * time).collect();
         let pieces = self.pieces(frame, |v| drift[v]);
         let from = self.body.now.verts().to_vec();
@@ -304,6 +298,9 @@ impl<'a> Stage<'a> {
         let from = self.x.clone();
         let mut h = pace.step;
         for _ in 0..5 {
+            if pace.smooth || h < pace.step {
+                self.kept = None;
+            }
             let drift: Vec<DVec3> = self.v.iter().map(|v| *v * h).collect();
             if drift.iter().any(|d| *d != DVec3::ZERO) {
                 self.go(drift.clone());
@@ -404,7 +401,7 @@ impl<'a> Stage<'a> {
             handles: self.handles.as_ref(),
             tolerance: 1e-3,
         };
-        problem.descend(&self.x, &effort)
+        problem.descend(&self.x, &effort, &mut self.kept)
     }
 
     fn skin(&self, h: f64) -> Skin {
@@ -449,7 +446,8 @@ impl<'a> Stage<'a> {
     }
 
     fn pairs(&mut self, rule: &Rule) -> Vec<Pair> {
-        self.look_around(rule.barrier.radius);
+        let cloth = (self.weave, &self.tangled[..]);
+        self.near.look(cloth, &self.x, rule.barrier.radius);
         let (list, x) = (&self.near.list, &self.x);
         let found = ordered::map(list.len(), |k| Pair::at(&list[k], x, rule));
         found.into_iter().flatten().collect()
@@ -476,75 +474,11 @@ impl<'a> Stage<'a> {
         self.pins.iter().map(at).collect()
     }
 
-    /// Makes the neighbour list hold every pair that is, or may come, within `distance` [m].
-    fn look_around(&mut self, distance: f64) {
-        if self.near.covers(self.weave, |v| self.x[v], distance) {
-            return;
-        }
-        let reach = self.weave.radius + SLACK;
-        self.near = Neighbours::find(self.weave, &self.tree, &self.x, reach);
-        self.drop_tangled();
-    }
-
     /// Moves the cloth along `moves` [m], as far as it can go without passing through itself.
     fn go(&mut self, mut moves: Vec<DVec3>) {
-        if !self.go_near(&mut moves) {
-            self.go_far(&mut moves);
-        }
+        let cloth = (self.weave, &self.tangled[..]);
+        self.near.lead(cloth, &self.x, &mut moves);
         self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
-    }
-
-    /// Makes a move safe by the list there is; says no, and changes nothing, if that does not hold
-    /// all who may meet on the way.
-    fn go_near(&self, moves: &mut Vec<DVec3>) -> bool {
-        // Between two places that the list covers it covers every place: distances shrink by what
-        // pairs go against each other, and that is linear in time.
-        let x = &self.x;
-        let covered = |moves: &[DVec3]| self.near.covers(self.weave, |v| x[v] + moves[v], TOUCHING);
-        if !self.near.covers(self.weave, |v| x[v], TOUCHING) || !covered(moves) {
-            return false;
-        }
-        let mut safe = moves.clone();
-        if safe::make_safe(&self.near.list, x, &mut safe) && !covered(&safe) {
-            return false;
-        }
-        *moves = safe;
-        true
-    }
-
-    /// A much changed move may lead to other pairs than those looked at, so it is looked at again;
-    /// one that keeps changing is brought nearer to what all of the cloth does, in the end to just
-    /// that.
-    fn go_far(&mut self, moves: &mut [DVec3]) {
-        let reach = self.weave.radius + SLACK;
-        let mean = moves.iter().sum::<DVec3>() / moves.len() as f64;
-        for look in 0..LOOKS {
-            if look + 1 == LOOKS {
-                moves.fill(mean);
-            } else if look >= LOOKS / 2 {
-                moves.iter_mut().for_each(|m| *m = m.lerp(mean, 0.5));
-            }
-            self.near = near::on_the_way(self.weave, &self.tree, (&self.x, moves), reach);
-            self.drop_tangled();
-            let wanted = moves.to_vec();
-            let changed = safe::make_safe(&self.near.list, &self.x, moves);
-            if !changed || most_apart(&wanted, moves) < SEEN * reach {
-                return;
-            }
-        }
-        self.near = Neighbours::default();
-    }
-
-    /// Leaves out pairs that have passed through each other already.
-    fn drop_tangled(&mut self) {
-        if self.is_tangled() {
-            let list = std::mem::take(&mut self.near.list);
-            self.near.list = list.into_iter().filter(|n| self.is_free(n)).collect();
-        }
-    }
-
-    fn is_free(&self, near: &Near) -> bool {
-        !near.verts.iter().all(|v| self.tangled[*v as usize])
     }
 
     /// Shortens crossing lines a little, and looks again.
@@ -589,12 +523,6 @@ impl<'a> Stage<'a> {
 /// Positions [m] at the share `t` of the straight way between two.
 fn part_way((from, to): (&[DVec3], &[DVec3]), t: f64) -> Vec<DVec3> {
     from.iter().zip(to).map(|(a, b)| a.lerp(*b, t)).collect()
-}
-
-/// Largest distance between entries [m].
-fn most_apart(a: &[DVec3], b: &[DVec3]) -> f64 {
-    let apart = a.iter().zip(b).map(|(a, b)| a.distance_squared(*b));
-    apart.fold(0.0, f64::max).sqrt()
 }
 
 /// Newton steps at most in a step of moving cloth, and the stretch beyond the limit that asks for
