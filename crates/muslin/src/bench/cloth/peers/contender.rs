@@ -59,7 +59,7 @@ pub fn ours(skirt: &Skirt, steps: usize) -> Result<Take, String> {
     let mut since = (clock::spent(), Instant::now());
     let run = pool.install(|| {
         simulate(&cloth, (start, Some(&from)), (&walk, &options), |m| {
-            if (m.frame + 1).is_multiple_of(steps) {
+            if m.frame.is_multiple_of(steps) {
                 take.add(m.verts, &mut since);
             }
             ControlFlow::Continue(())
