@@ -4,9 +4,9 @@
 //! must load the same number of vertices and triangles within the same bounds. Both are installed
 //! into a throw-away folder. Without files, samples of all that the writer can do are checked.
 
-use crate::Outcome;
+use crate::{Outcome, python};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 const VALIDATOR: &str = "gltf-validator@2.0.0-dev.3.10";
@@ -77,17 +77,7 @@ fn validate(folder: &Path, files: &[String]) -> Result<String, String> {
 
 /// What trimesh sees, a line a file.
 fn load(folder: &Path, files: &[String]) -> Result<String, String> {
-    let home = folder.join("venv");
-    let python: PathBuf = home.join(if cfg!(windows) {
-        "Scripts/python.exe"
-    } else {
-        "bin/python"
-    });
-    if !python.exists() {
-        output(Command::new("python3").args(["-m", "venv"]).arg(&home))?;
-    }
-    let pip = ["-m", "pip", "install", "-q", "--disable-pip-version-check"];
-    output(Command::new(&python).args(pip).args(READER))?;
+    let python = python::environment(&folder.join("venv"), &READER)?;
     output(
         Command::new(&python)
             .arg("xtask/python/gltf_reader.py")

@@ -4,10 +4,10 @@
 //! exchange layout: types, shapes that go together, corners that are vertices, finite numbers.
 //! Without files, a sample that the writer's own tests leave is checked.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
-use crate::Outcome;
+use crate::{Outcome, python};
 
 const READER: &str = "numpy>=2,<3";
 
@@ -19,7 +19,7 @@ pub fn run(args: &[&str]) -> Outcome {
         [] => samples(&folder)?,
         files => files.iter().map(|f| f.to_string()).collect(),
     };
-    let python = python(&folder)?;
+    let python = python::environment(&folder.join("venv"), &[READER])?;
     let text = output(
         Command::new(python)
             .arg("xtask/python/npz_reader.py")
@@ -45,29 +45,6 @@ fn samples(folder: &Path) -> Result<Vec<String>, String> {
         .collect();
     files.sort();
     Ok(files)
-}
-
-/// An environment with NumPy.
-fn python(folder: &Path) -> Result<PathBuf, String> {
-    let home = folder.join("venv");
-    let python = home.join(if cfg!(windows) {
-        "Scripts/python.exe"
-    } else {
-        "bin/python"
-    });
-    if !python.exists() {
-        output(Command::new("python3").args(["-m", "venv"]).arg(&home))?;
-    }
-    let pip = [
-        "-m",
-        "pip",
-        "install",
-        "-q",
-        "--disable-pip-version-check",
-        READER,
-    ];
-    output(Command::new(&python).args(pip))?;
-    Ok(python)
 }
 
 /// Runs a program and returns what it prints.

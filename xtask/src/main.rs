@@ -1,7 +1,8 @@
 //! Keeping house: continuous integration, embedded assets, opt-in checks.
 //!
 //! `cargo xtask ci` is all that continuous integration runs. `assets` rebuilds what is committed
-//! under `assets/`; `check` compares against other people's programs in throw-away environments.
+//! under `assets/`; `check` compares against other people's programs in throw-away environments, and
+//! `peers` makes the one that `muslin bench cloth --peers` runs.
 
 mod assets_body;
 mod assets_pose;
@@ -10,6 +11,8 @@ mod check_gltf;
 mod check_npz;
 mod check_pose;
 mod ci;
+mod peers;
+mod python;
 mod sha256;
 mod walls;
 mod wheel;
@@ -17,7 +20,7 @@ mod wheel;
 use std::process::ExitCode;
 
 const USAGE: &str =
-    "usage: cargo xtask ci | walls | assets body|pose | check body|pose|gltf|npz [ARGS]";
+    "usage: cargo xtask ci | walls | assets body|pose | check body|pose|gltf|npz | peers [ARGS]";
 
 /// Every job says in words what went wrong.
 pub(crate) type Outcome = Result<(), String>;
@@ -44,6 +47,7 @@ fn run(words: &[&str]) -> Outcome {
         ["check", "gltf", rest @ ..] => check_gltf::run(rest),
         ["check", "npz", rest @ ..] => check_npz::run(rest),
         ["check", "pose", rest @ ..] => check_pose::run(rest),
+        ["peers", rest @ ..] => peers::run(rest),
         _ => Err(USAGE.to_owned()),
     }
 }

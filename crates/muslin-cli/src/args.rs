@@ -334,6 +334,16 @@ pub struct Bench {
     /// Folder for pictures of the drapes that went wrong, or of those named with --only.
     #[arg(long)]
     pub pictures: Option<PathBuf>,
+    /// In the cloth figures: our simulator beside the programs that `cargo xtask peers DIR` put
+    /// here, on one moving skirt.
+    #[arg(long, value_name = "DIR")]
+    pub peers: Option<PathBuf>,
+    /// How often every one of them runs, in turns.
+    #[arg(long, default_value_t = 3)]
+    pub rounds: usize,
+    /// Where scene and frames of the peers go [default: DIR/scene].
+    #[arg(short, long)]
+    pub out: Option<PathBuf>,
 }
 
 /// What `list` can show.

@@ -171,7 +171,14 @@ fn bench(bench: &Bench) -> Result<(), Failure> {
             let cases = bench.cases.unwrap_or(9);
             muslin::bench::garments(data, bench.model.as_deref(), cases)
         }
-        BenchKind::Cloth => muslin::bench::cloth(),
+        BenchKind::Cloth => match &bench.peers {
+            Some(home) => {
+                let scene = home.join("scene");
+                let out = bench.out.as_deref().unwrap_or(&scene);
+                muslin::bench::peers(home, (bench.rounds, out))
+            }
+            None => muslin::bench::cloth(),
+        },
     }?;
     print(&report)
 }

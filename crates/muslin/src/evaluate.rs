@@ -24,6 +24,9 @@ use crate::table::Table;
 use frame::Frame;
 use material::Reference;
 
+/// Vertices deeper in the body than this are counted over all frames [m].
+const DEEP: f32 = 0.5e-3;
+
 /// What was found.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
@@ -238,6 +241,11 @@ fn contact(clip: &Clip, frames: &[Frame], sound: &[bool]) -> Report {
     r.set("penetrating_percent", share(|f| f.contact.depths.len()));
     r.set("depth_mean_mm", or_zero(mean_depth))
         .set("depth_max_mm", or_zero(deepest));
+    let deep = |f: &Frame| f.contact.depths.iter().filter(|d| **d > DEEP).count();
+    r.set(
+        "deeper_than_half_a_mm",
+        frames.iter().map(deep).sum::<usize>(),
+    );
     r.set("under_2_mm_percent", share(|f| f.contact.close));
     r.set(
         "penetrating_by_nearest_vertex_percent",

@@ -7,6 +7,8 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use glam::{DVec2, DVec3};
 use serde_json::Value;
 
+use crate::python;
+
 /// What the reference needs.
 const PACKAGES: [&str; 3] = ["mediapipe==0.10.14", "ai-edge-litert", "pillow"];
 
@@ -101,24 +103,5 @@ fn number(value: &Value) -> f64 {
 /// A throw-away virtual environment with the reference's packages.
 fn environment() -> Result<PathBuf, String> {
     let home = std::env::temp_dir().join("muslin-xtask").join("check-pose");
-    let python = home.join(if cfg!(windows) {
-        "Scripts/python.exe"
-    } else {
-        "bin/python"
-    });
-    if !python.exists() {
-        let home = home.display().to_string();
-        done(Command::new("python3").args(["-m", "venv", &home]))?;
-    }
-    let pip = ["-m", "pip", "install", "-q", "--disable-pip-version-check"];
-    done(Command::new(&python).args(pip).args(PACKAGES))?;
-    Ok(python)
-}
-
-fn done(command: &mut Command) -> Result<(), String> {
-    match command.status() {
-        Ok(status) if status.success() => Ok(()),
-        Ok(status) => Err(format!("{command:?}: {status}")),
-        Err(e) => Err(format!("{command:?}: {e}")),
-    }
+    python::environment(&home, &PACKAGES)
 }

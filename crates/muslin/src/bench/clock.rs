@@ -52,7 +52,7 @@ pub fn least_of<T>(runs: usize, mut job: impl FnMut() -> T) -> Timing {
 
 /// Processor time of all threads so far [ms].
 #[cfg(unix)]
-fn spent() -> Option<f64> {
+pub fn spent() -> Option<f64> {
     use rustix::time::{ClockId, clock_gettime};
     let time = clock_gettime(ClockId::ProcessCPUTime);
     Some(time.tv_sec as f64 * 1e3 + time.tv_nsec as f64 / 1e6)
@@ -60,7 +60,7 @@ fn spent() -> Option<f64> {
 
 /// Other systems are not asked.
 #[cfg(not(unix))]
-fn spent() -> Option<f64> {
+pub fn spent() -> Option<f64> {
     None
 }
 

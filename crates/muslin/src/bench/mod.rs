@@ -14,7 +14,7 @@ use std::path::Path;
 
 use crate::failure::{Exit, Failure};
 
-pub use cloth::cloth;
+pub use cloth::{cloth, peers};
 pub use garments::garments;
 pub use rooms::{body, fit, pose};
 pub use whole::{Drapes, drape, dress};

@@ -4,11 +4,14 @@
 //! cloth and body switched on, and stands beside the figure that it should be.
 
 mod elastica;
+mod peers;
 mod scenes;
 
 use glam::{DVec2, DVec3, Vec3Swizzles};
 use muslin_garment::Fabric;
 use muslin_sim::{Cloth, State};
+
+pub use peers::peers;
 
 use crate::drape::material;
 use crate::failure::Failure;
