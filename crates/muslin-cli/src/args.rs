@@ -174,6 +174,10 @@ pub struct Simulate {
     /// Where in the motion to start [s].
     #[arg(long, default_value_t = 0.0)]
     pub start: f64,
+    /// Second order in time (BDF2): swings and ripples keep more of their energy, frames take
+    /// longer.
+    #[arg(long)]
+    pub bdf2: bool,
     /// Go on with a simulation that was stopped.
     #[arg(long)]
     pub resume: bool,
@@ -421,6 +425,7 @@ impl Simulate {
             fps: self.fps,
             seconds: self.seconds,
             start: self.start,
+            bdf2: self.bdf2,
             resume: self.resume,
             picture: self.picture,
             npz: self.npz.clone(),
@@ -468,6 +473,7 @@ impl Animate {
                 motion: self.motion.clone(),
                 fps: self.fps,
                 seconds: self.seconds,
+                bdf2: false,
                 start: self.start,
                 resume: false,
                 picture: self.picture,

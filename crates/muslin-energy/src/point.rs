@@ -28,20 +28,55 @@ pub fn inertia(x: DVec3, target: DVec3, mass: f64, step: f64) -> AtPoint {
     pin(x, target, mass / (step * step))
 }
 
-/// Where a point would go unforced over a step of BDF2, and the step that its inertia then has.
+/// How a step in time follows from those before it: implicit Euler, or BDF2.
 ///
-/// `x`, `v`: positions [m] and velocities [m/s] now and one step before; `step`: h > 0 [s]. The
-/// answer `(target, τ)` goes into [`inertia`]: `τ = ⅔ h` and
-/// `target = (4 x₀ − x₁)/3 + τ (4 v₀ − v₁)/3`. The velocity afterwards is
-/// `(3 x − 4 x₀ + x₁) / (2 h)`.
+/// With `ρ` the step over the one before, `s = ρ² / (1 + 2 ρ)` and `past(q) = q₀ + s (q₀ − q₁)`:
+/// the step ends at `x = past(x) + τ v` with `v = past(v) + τ a`, where `τ = h (1 + ρ) / (1 + 2 ρ)`,
+/// which is what [`inertia`] asks for with `target` and `τ`. For equal steps `s = 1/3`, `τ = ⅔ h`;
+/// implicit Euler has `s = 0`, `τ = h`.
 ///
-/// Second order in time: quadratic motion such as free fall is exact, and a wave keeps far more of
-/// its energy than under implicit Euler. The first step has no past and takes implicit Euler.
-#[inline]
-pub fn bdf2(x: [DVec3; 2], v: [DVec3; 2], step: f64) -> (DVec3, f64) {
-    let tau = step * (2.0 / 3.0);
-    let past = |[now, before]: [DVec3; 2]| now + (now - before) / 3.0;
-    (past(x) + past(v) * tau, tau)
+/// BDF2 is of second order in time: quadratic motion such as free fall is exact, and a swing keeps
+/// far more of its energy than under implicit Euler. The first step has no past and takes Euler's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scheme {
+    share: f64,
+    /// The step that inertia has, `τ` [s].
+    pub tau: f64,
+}
+
+impl Scheme {
+    /// Implicit Euler with a step of `h` > 0 [s].
+    pub fn euler(h: f64) -> Scheme {
+        Scheme { share: 0.0, tau: h }
+    }
+
+    /// BDF2 with a step of `h` after one of `last` [s].
+    pub fn bdf2(h: f64, last: f64) -> Scheme {
+        let ratio = h / last;
+        Scheme {
+            share: ratio * ratio / (1.0 + 2.0 * ratio),
+            tau: h * (1.0 + ratio) / (1.0 + 2.0 * ratio),
+        }
+    }
+
+    /// What the past makes of a quantity, now and one step before.
+    #[inline]
+    pub fn past(&self, [now, before]: [DVec3; 2]) -> DVec3 {
+        now + (now - before) * self.share
+    }
+
+    /// Where a point would go unforced [m]. `x`, `v`: positions [m] and velocities [m/s], now and one
+    /// step before.
+    #[inline]
+    pub fn target(&self, x: [DVec3; 2], v: [DVec3; 2]) -> DVec3 {
+        self.past(x) + self.past(v) * self.tau
+    }
+
+    /// The velocity at the step's end `next` [m/s].
+    #[inline]
+    pub fn velocity(&self, next: DVec3, x: [DVec3; 2]) -> DVec3 {
+        (next - self.past(x)) / self.tau
+    }
 }
 
 /// Weight: `E = −m g · x`; no curvature.

@@ -6,11 +6,10 @@
 //! handles do to the energy is `Pᵀ A P`, solved exactly (additive Schwarz with a coarse space:
 //! Dryja and Widlund 1987, as used for cloth by Wu and others 2022).
 
-use glam::{DMat3, DVec3, Mat3A, Vec3A};
+use glam::{DMat3, Mat3A, Vec3A};
 
 use crate::{
     matrix::{Matrix, STENCIL, narrow, wide},
-    ordered,
     pattern::{Pattern, Rows},
 };
 

@@ -45,6 +45,8 @@ pub struct Options {
     /// comes to a false rest without; what lies on the body gains nothing and takes a third longer.
     /// Cloth in motion is always solved so.
     pub handles: bool,
+    /// Whether moving cloth goes by BDF2, which keeps more of a swing, instead of implicit Euler.
+    pub second_order: bool,
 }
 
 impl Default for Options {
@@ -61,6 +63,7 @@ impl Default for Options {
             pin: 15.0,
             tugs: 4,
             handles: false,
+            second_order: false,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! One step after another: the cloth, the body it meets, and what is known about both.
 
 use glam::{DAffine3, DVec3};
-use muslin_energy::contact::Barrier;
+use muslin_energy::{contact::Barrier, point::Scheme};
 use muslin_geom::{
     Aabb, Surface,
     bvh::{Bvh, face_boxes},
@@ -44,6 +44,8 @@ pub(crate) struct Stage<'a> {
     pub v: Vec<DVec3>,
     /// Where the last step began, before the cloth was carried [m].
     before: Vec<DVec3>,
+    /// The start of the last step of moving cloth, if nothing happened since that it does not tell.
+    past: Option<Past>,
     /// Vertices of faces that passed through cloth.
     tangled: Vec<bool>,
     /// Faces that something thin of the body pokes through.
@@ -81,6 +83,20 @@ impl Pace {
     }
 }
 
+/// Positions [m] and velocities [m/s] one step ago, and how long that step was [s].
+struct Past {
+    x: Vec<DVec3>,
+    v: Vec<DVec3>,
+    step: f64,
+}
+
+/// A step in the making: from where [m], how time goes on, and where everything goes unforced [m].
+struct Way {
+    from: Vec<DVec3>,
+    scheme: Scheme,
+    target: Vec<DVec3>,
+}
+
 /// Where a pin sits in the frame of its skin [m].
 type Held = DVec3;
 
@@ -116,6 +132,7 @@ impl<'a> Stage<'a> {
             x: start.to_vec(),
             v: vec![DVec3::ZERO; start.len()],
             before: start.to_vec(),
+            past: None,
             tangled: vec![false; start.len()],
             poked: Vec::new(),
             thin: Vec::new(),
@@ -239,6 +256,7 @@ impl<'a> Stage<'a> {
         self.x = x.to_vec();
         self.v = v.to_vec();
         self.before = x.to_vec();
+        self.past = None;
         self.poked.clear();
         self.body.forget_all();
         self.body.stand();
@@ -295,43 +313,78 @@ impl<'a> Stage<'a> {
         if self.is_tangled() {
             self.untangle();
         }
-        let from = self.x.clone();
         let mut h = pace.step;
         for _ in 0..5 {
             if pace.smooth || h < pace.step {
-                self.kept = None;
+                (self.kept, self.past) = (None, None);
             }
-            let drift: Vec<DVec3> = self.v.iter().map(|v| *v * h).collect();
-            if drift.iter().any(|d| *d != DVec3::ZERO) {
-                self.go(drift.clone());
+            let way = self.way(h);
+            if way.target != way.from {
+                let drift = way.target.iter().zip(&way.from).map(|(t, x)| *t - *x);
+                self.go(drift.collect());
             }
-            if let Some(touches) = self.newton((&from, &drift), h, pace.rounds) {
-                self.finish_step((&from, &touches), h, pace);
+            if let Some(touches) = self.newton(&way, pace) {
+                self.finish_step((way, &touches), h, pace);
                 return Ok(());
             }
-            self.x.clone_from(&from);
+            self.x = way.from;
             self.v.fill(DVec3::ZERO);
             h *= 0.5;
         }
         Err(SimError::Diverged(self.steps))
     }
 
-    /// Newton steps, one if that is enough: another where cloth stretches beyond its limit.
+    /// How a step of `h` [s] follows from those before.
+    fn way(&self, h: f64) -> Way {
+        let from = self.x.clone();
+        let past = self.past.as_ref();
+        let past = past.filter(|p| self.options.second_order && h < MOST_LONGER * p.step);
+        let (scheme, x1, v1) = match past {
+            Some(p) => (Scheme::bdf2(h, p.step), &p.x, &p.v),
+            None => (Scheme::euler(h), &from, &self.v),
+        };
+        let (x, v) = (&from, &self.v);
+        let target = ordered::map(x.len(), |i| scheme.target([x[i], x1[i]], [v[i], v1[i]]));
+        Way {
+            scheme,
+            target,
+            from,
+        }
+    }
+
+    /// Newton steps, one if that is enough: another where cloth stretches beyond its limit, or where
+    /// cloth in motion was led far from where it drifted to.
     ///
     /// Gives the touches of the first, or nothing if no step was finite.
-    fn newton(&mut self, way: (&[DVec3], &[DVec3]), h: f64, rounds: usize) -> Option<Vec<Touch>> {
-        let first = self.touches(h);
-        let moves = self.solve(way, &first, h)?;
-        self.go(moves);
-        for _ in 1..rounds {
-            if quality::excess(self.weave, &self.x) < BEYOND {
+    fn newton(&mut self, way: &Way, pace: &Pace) -> Option<Vec<Touch>> {
+        let tau = way.scheme.tau;
+        let first = self.touches(tau);
+        self.start(way, &first);
+        let mut led = self.correct((way, pace), &first)?;
+        for _ in 1..pace.rounds {
+            let far = !pace.smooth && led[0] > LED_FAR;
+            if !far && quality::excess(self.weave, &self.x) < BEYOND {
                 break;
             }
-            let touches = self.touches(h);
-            let moves = self.solve(way, &touches, h)?;
-            self.go(moves);
+            // Where nobody went far, the skin is where it was seen.
+            led = if pace.smooth || led[1] > TURNED {
+                let touches = self.touches(tau);
+                self.correct((way, pace), &touches)?
+            } else {
+                self.correct((way, pace), &first)?
+            };
         }
         Some(first)
+    }
+
+    /// One Newton step; how far it led 98 % of the vertices at most, and how far the one that it led
+    /// farthest [m].
+    fn correct(&mut self, on: (&Way, &Pace), touches: &[Touch]) -> Option<[f64; 2]> {
+        let moves = self.solve(on, touches)?;
+        let mut lengths: Vec<f64> = moves.iter().map(|m| m.length()).collect();
+        let led = [0.98, 1.0].map(|share| quality::percentile(&mut lengths, share));
+        self.go(moves);
+        Some(led)
     }
 
     /// One step in which the body gives way or comes back; cloth is not taken along.
@@ -346,10 +399,12 @@ impl<'a> Stage<'a> {
         self.step(&Pace::calm(self.options.step, 0.0))
     }
 
-    fn finish_step(&mut self, (from, touches): (&[DVec3], &[Touch]), h: f64, pace: &Pace) {
-        let x = &self.x;
+    fn finish_step(&mut self, (way, touches): (Way, &[Touch]), h: f64, pace: &Pace) {
+        let (x, from) = (&self.x, &way.from);
+        let before = self.past.as_ref().map_or(from, |p| &p.x);
         let raw = ordered::map(x.len(), |i| {
-            ((x[i] - from[i]) * (pace.keep / h)).clamp_length_max(pace.top_speed)
+            let v = way.scheme.velocity(x[i], [from[i], before[i]]);
+            (v * pace.keep).clamp_length_max(pace.top_speed)
         });
         let old = std::mem::take(&mut self.v);
         let near = &self.weave.pattern.near;
@@ -364,44 +419,64 @@ impl<'a> Stage<'a> {
                 self.v[i] = touch.without_bounce((old[i], self.v[i]), (self.before[i], h));
             }
         }
+        self.past = (!pace.smooth).then_some(Past {
+            x: way.from,
+            v: old,
+            step: h,
+        });
         self.before.clone_from(&self.x);
         self.body.stand();
         self.steps += 1;
     }
 
-    /// One Newton step, from where the cloth drifted to or from where it was, if that costs less.
-    fn solve(
-        &mut self,
-        (from, drift): (&[DVec3], &[DVec3]),
-        touches: &[Touch],
-        h: f64,
-    ) -> Option<Vec<DVec3>> {
-        let rule = self.rule(h);
-        let pairs = self.pairs(&rule);
-        let problem = Problem {
+    /// Lets a step begin where the cloth was, not where it drifted to, if that costs less.
+    fn start(&mut self, way: &Way, touches: &[Touch]) {
+        if self.x != way.from {
+            let pairs = self.pairs(&self.rule(way.scheme.tau));
+            let pins = self.pin_targets();
+            let problem = self.problem(way, (touches, &pairs, &pins));
+            if problem.energy(&way.from) < problem.energy(&self.x) {
+                self.x.clone_from(&way.from);
+            }
+        }
+    }
+
+    /// The moves of a Newton step [m].
+    fn solve(&mut self, (way, pace): (&Way, &Pace), touches: &[Touch]) -> Option<Vec<DVec3>> {
+        let pairs = self.pairs(&self.rule(way.scheme.tau));
+        let pins = self.pin_targets();
+        let mut kept = self.kept.take();
+        let problem = self.problem(way, (touches, &pairs, &pins));
+        let effort = Effort {
+            iterations: if pace.smooth {
+                self.options.iterations
+            } else {
+                ITERATIONS
+            },
+            handles: self.handles.as_ref(),
+            tolerance: if pace.smooth { 1e-3 } else { LOOSE },
+        };
+        let moves = problem.descend(&self.x, &effort, &mut kept);
+        self.kept = kept;
+        moves
+    }
+
+    fn problem<'b>(
+        &'b self,
+        way: &'b Way,
+        (touches, pairs, pins): (&'b [Touch], &'b [Pair], &'b [(u32, DVec3)]),
+    ) -> Problem<'b> {
+        Problem {
             weave: self.weave,
-            target: &from
-                .iter()
-                .zip(drift)
-                .map(|(x, d)| *x + *d)
-                .collect::<Vec<_>>(),
-            step: h,
+            target: &way.target,
+            step: way.scheme.tau,
             gravity: self.options.gravity,
             touches,
-            pairs: &pairs,
-            barrier: rule.barrier,
-            pins: &self.pin_targets(),
+            pairs,
+            barrier: self.rule(way.scheme.tau).barrier,
+            pins,
             pin: self.options.pin,
-        };
-        if self.x != from && problem.energy(from) < problem.energy(&self.x) {
-            self.x.copy_from_slice(from);
         }
-        let effort = Effort {
-            iterations: self.options.iterations,
-            handles: self.handles.as_ref(),
-            tolerance: 1e-3,
-        };
-        problem.descend(&self.x, &effort, &mut self.kept)
     }
 
     fn skin(&self, h: f64) -> Skin {
@@ -487,6 +562,7 @@ impl<'a> Stage<'a> {
         let found = crossings::piercings(self.weave, &self.x, &pairs);
         let moves = crossings::way_back(self.weave, &self.x, &found, 1e-3);
         self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
+        self.past = None;
         self.find_tangles();
     }
 
@@ -525,10 +601,21 @@ fn part_way((from, to): (&[DVec3], &[DVec3]), t: f64) -> Vec<DVec3> {
     from.iter().zip(to).map(|(a, b)| a.lerp(*b, t)).collect()
 }
 
+/// A step this many times as long as the last has no use for the past: BDF2 is then unstable (the
+/// bound is 1 + √2).
+const MOST_LONGER: f64 = 2.0;
 /// Newton steps at most in a step of moving cloth, and the stretch beyond the limit that asks for
 /// another.
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 6;
 const BEYOND: f64 = 0.008;
+/// So does a correction of so much [m]: what is left of it is lost motion.
+const LED_FAR: f64 = 1e-3;
+/// A correction of so much asks where the skin is now [m].
+const TURNED: f64 = 5e-3;
+/// Iterations at most in a Newton step of moving cloth, and what they should reach: the next Newton
+/// step gains more than another digit of this one.
+const ITERATIONS: usize = 60;
+const LOOSE: f64 = 0.03;
 
 /// Stiffness of skin [N/m] per touching vertex.
 const BODY_STIFFNESS: f64 = 400.0;

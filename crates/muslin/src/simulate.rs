@@ -120,7 +120,8 @@ impl Run<'_, '_> {
         let outfit = Outfit::make(avatar, &self.options.dress, |w| warnings.push(w.to_owned()))?;
         self.warn(warnings);
         self.report.set("outfit", tell::outfit(&outfit));
-        let set = Set::new(avatar, figure, moving, outfit)?;
+        let mut set = Set::new(avatar, figure, moving, outfit)?;
+        set.bdf2 = self.options.bdf2;
         let memory = set.memory();
         if memory / 5 > MOST_BYTES {
             let what = format!("{} frames are too many for one file", set.moving.frames());

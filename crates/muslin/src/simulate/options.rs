@@ -18,6 +18,8 @@ pub struct SimulateOptions {
     pub seconds: Option<f64>,
     /// Where in the motion to start [s].
     pub start: f64,
+    /// Whether time goes on by BDF2 instead of implicit Euler: more of a swing is kept.
+    pub bdf2: bool,
     /// Go on with an unfinished simulation.
     pub resume: bool,
     /// Also draw the last frame and a moving picture.
@@ -40,6 +42,7 @@ impl Default for SimulateOptions {
             fps: 60.0,
             seconds: None,
             start: 0.0,
+            bdf2: false,
             resume: false,
             picture: false,
             npz: None,

@@ -29,6 +29,8 @@ pub struct Set<'a> {
     pub cloth: Cloth,
     /// Where the cloth starts, around the body at rest [m].
     pub start: Vec<DVec3>,
+    /// Whether time goes on by BDF2.
+    pub bdf2: bool,
 }
 
 impl<'a> Set<'a> {
@@ -48,6 +50,7 @@ impl<'a> Set<'a> {
             figure,
             moving,
             outfit,
+            bdf2: false,
         })
     }
 
@@ -129,6 +132,7 @@ impl<'a> Set<'a> {
                 hash(poses.chain([motion.fps, self.moving.lead as f64])),
             ),
             ("clothes", sha256(clothes.concat().as_bytes())),
+            ("time", if self.bdf2 { "BDF2" } else { "Euler" }.to_owned()),
         ]
     }
 }

@@ -47,7 +47,11 @@ pub fn shoot(set: &Set, (part, resume): (&Path, bool), watch: &mut Watch) -> Res
         }
     };
     let start = (set.start.as_slice(), state.as_ref());
-    let how = (&walk, &Options::default(), &may_go_on as _);
+    let options = Options {
+        second_order: set.bdf2,
+        ..Options::default()
+    };
+    let how = (&walk, &options, &may_go_on as _);
     let ended = simulate_while(&set.cloth, start, how, deliver);
     stopped?;
     match ended {
