@@ -125,15 +125,27 @@ fn zip_up(
     faces
 }
 
-/// A disc of `radius` [m] in rings of six times as many points as their number; rows are rings.
-pub fn disc(radius: f64, edge: f64) -> Piece {
-    let rings = (radius / edge).round().max(1.0) as usize;
+/// Radii [m] of rings about `edge` apart, out to `radius`, such that a circle of radius `held` runs
+/// half way between two of them.
+pub fn rings(held: f64, radius: f64, edge: f64) -> Vec<f64> {
+    let half = |length: f64| (length / edge - 0.5).round().max(0.0) + 0.5;
+    let (inside, outside) = (half(held), half(radius - held));
+    let inner = (1..=inside as usize).map(|k| held * k as f64 / inside);
+    let outer = (0..=outside as usize).map(|k| (k as f64 + 0.5) / outside);
+    inner
+        .chain(outer.map(|t| held + (radius - held) * t))
+        .collect()
+}
+
+/// A disc in rings of these radii [m], of six times as many points as their number; rows are rings.
+pub fn disc(radii: &[f64]) -> Piece {
+    let rings = radii.len();
     let first = |k: usize| if k == 0 { 0 } else { 1 + 3 * k * (k - 1) };
     let (mut points, mut row, mut faces) = (vec![DVec2::ZERO], vec![0], Vec::new());
     for k in 1..=rings {
         for i in 0..6 * k {
             let angle = TAU * i as f64 / (6 * k) as f64;
-            points.push(DVec2::from_angle(angle) * (radius * k as f64 / rings as f64));
+            points.push(DVec2::from_angle(angle) * radii[k - 1]);
             row.push(k);
         }
         let outer = |i: usize| (first(k) + i % (6 * k)) as u32;
