@@ -320,7 +320,7 @@ mod tests {
         let body = Skinned::new((&class.avatar, &class.figure), &class.template);
         let skin = body.skin(&class.poses[0]);
         let verts: Vec<DVec3> = skin.verts.iter().map(|p| p.as_dvec3()).collect();
-        let surface = Surface::new(&verts, body.surface.faces());
+        let surface = Surface::new(&verts, body.flesh.rest().faces());
         let mut faces = body.nearest(&skin, &verts);
         let mut noise = Noise::new(5);
         let (mut n, mut right) = (0, 0);
