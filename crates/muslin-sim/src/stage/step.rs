@@ -1,0 +1,319 @@
+//! One step in time: where everything drifts to, and Newton steps from there.
+
+use glam::DVec3;
+use muslin_energy::{contact::Barrier, point::Scheme};
+
+use super::Stage;
+use crate::{
+    body::Skin,
+    cloth::SimError,
+    matrix::Effort,
+    newton::Problem,
+    ordered,
+    pairs::{Pair, Rule},
+    pattern::Rows,
+    quality,
+    touch::Touch,
+};
+
+/// How a step goes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pace {
+    /// Time step [s].
+    pub step: f64,
+    /// Share of its velocity that cloth keeps.
+    pub keep: f64,
+    /// No vertex starts a step faster than this [m/s].
+    pub top_speed: f64,
+    /// Whether velocities are smoothed over the cloth.
+    pub smooth: bool,
+    /// Newton steps at most.
+    pub rounds: usize,
+}
+
+impl Pace {
+    /// For cloth that is to come to rest.
+    pub fn calm(step: f64, keep: f64) -> Pace {
+        Pace {
+            step,
+            keep,
+            top_speed: SPEED,
+            smooth: true,
+            rounds: 3,
+        }
+    }
+}
+
+/// Positions [m] and velocities [m/s] one step ago, and how long that step was [s].
+pub(super) struct Past {
+    x: Vec<DVec3>,
+    v: Vec<DVec3>,
+    step: f64,
+}
+
+/// A step in the making: from where [m], how time goes on, and where everything goes unforced [m].
+struct Way {
+    from: Vec<DVec3>,
+    scheme: Scheme,
+    target: Vec<DVec3>,
+}
+
+impl Stage<'_> {
+    /// One time step.
+    pub fn step(&mut self, pace: &Pace) -> Result<(), SimError> {
+        self.watch();
+        if self.is_tangled() {
+            self.untangle();
+        }
+        let mut h = pace.step;
+        for _ in 0..5 {
+            if pace.smooth || h < pace.step {
+                (self.kept, self.past) = (None, None);
+            }
+            let way = self.way(h);
+            if way.target != way.from {
+                let drift = way.target.iter().zip(&way.from).map(|(t, x)| *t - *x);
+                self.go(drift.collect());
+            }
+            if let Some(touches) = self.newton(&way, pace) {
+                self.finish_step((way, &touches), h, pace);
+                return Ok(());
+            }
+            self.x = way.from;
+            self.v.fill(DVec3::ZERO);
+            h *= 0.5;
+        }
+        Err(SimError::Diverged(self.steps))
+    }
+
+    /// How a step of `h` [s] follows from those before.
+    fn way(&self, h: f64) -> Way {
+        let from = self.x.clone();
+        let past = self.past.as_ref();
+        let past = past.filter(|p| self.options.second_order && h < MOST_LONGER * p.step);
+        let (scheme, x1, v1) = match past {
+            Some(p) => (Scheme::bdf2(h, p.step), &p.x, &p.v),
+            None => (Scheme::euler(h), &from, &self.v),
+        };
+        let (x, v) = (&from, &self.v);
+        let target = ordered::map(x.len(), |i| scheme.target([x[i], x1[i]], [v[i], v1[i]]));
+        Way {
+            scheme,
+            target,
+            from,
+        }
+    }
+
+    /// Newton steps, one if that is enough: another where cloth stretches beyond its limit, or where
+    /// cloth in motion was led far from where it drifted to.
+    ///
+    /// Gives the touches of the first, or nothing if no step was finite.
+    fn newton(&mut self, way: &Way, pace: &Pace) -> Option<Vec<Touch>> {
+        let tau = way.scheme.tau;
+        let first = self.touches(tau);
+        self.start(way, &first);
+        let mut led = self.correct((way, pace), &first)?;
+        for _ in 1..pace.rounds {
+            let far = !pace.smooth && led[0] > LED_FAR;
+            if !far && quality::excess(self.weave, &self.x) < BEYOND {
+                break;
+            }
+            // Where nobody went far, the skin is where it was seen.
+            led = if pace.smooth || led[1] > TURNED {
+                let touches = self.touches(tau);
+                self.correct((way, pace), &touches)?
+            } else {
+                self.correct((way, pace), &first)?
+            };
+        }
+        Some(first)
+    }
+
+    /// One Newton step; how far it led 98 % of the vertices at most, and how far the one that it led
+    /// farthest [m].
+    fn correct(&mut self, on: (&Way, &Pace), touches: &[Touch]) -> Option<[f64; 2]> {
+        let moves = self.solve(on, touches)?;
+        let mut lengths: Vec<f64> = moves.iter().map(|m| m.length()).collect();
+        let led = [0.98, 1.0].map(|share| quality::percentile(&mut lengths, share));
+        self.go(moves);
+        Some(led)
+    }
+
+    fn finish_step(&mut self, (way, touches): (Way, &[Touch]), h: f64, pace: &Pace) {
+        let (x, from) = (&self.x, &way.from);
+        let before = self.past.as_ref().map_or(from, |p| &p.x);
+        let raw = ordered::map(x.len(), |i| {
+            let v = way.scheme.velocity(x[i], [from[i], before[i]]);
+            (v * pace.keep).clamp_length_max(pace.top_speed)
+        });
+        let old = std::mem::take(&mut self.v);
+        let near = &self.weave.pattern.near;
+        self.v = if pace.smooth {
+            (0..SMOOTHINGS).fold(raw, |v, _| smoother(&v, near, 1.0))
+        } else {
+            smoother(&raw, near, (h / RUB).min(1.0))
+        };
+        if !pace.smooth {
+            for touch in touches.iter().filter(|t| t.face.is_none()) {
+                let i = touch.verts[0] as usize;
+                self.v[i] = touch.without_bounce((old[i], self.v[i]), (self.before[i], h));
+            }
+        }
+        self.past = (!pace.smooth).then_some(Past {
+            x: way.from,
+            v: old,
+            step: h,
+        });
+        self.before.clone_from(&self.x);
+        self.body.stand();
+        self.steps += 1;
+    }
+
+    /// Lets a step begin where the cloth was, not where it drifted to, if that costs less.
+    fn start(&mut self, way: &Way, touches: &[Touch]) {
+        if self.x != way.from {
+            let pairs = self.pairs(&self.rule(way.scheme.tau));
+            let pins = self.pin_targets();
+            let problem = self.problem(way, (touches, &pairs, &pins));
+            if problem.energy(&way.from) < problem.energy(&self.x) {
+                self.x.clone_from(&way.from);
+            }
+        }
+    }
+
+    /// The moves of a Newton step [m].
+    fn solve(&mut self, (way, pace): (&Way, &Pace), touches: &[Touch]) -> Option<Vec<DVec3>> {
+        let pairs = self.pairs(&self.rule(way.scheme.tau));
+        let pins = self.pin_targets();
+        let mut kept = self.kept.take();
+        let problem = self.problem(way, (touches, &pairs, &pins));
+        let effort = Effort {
+            iterations: if pace.smooth {
+                self.options.iterations
+            } else {
+                ITERATIONS
+            },
+            handles: self.handles.as_ref(),
+            tolerance: if pace.smooth { 1e-3 } else { LOOSE },
+        };
+        let moves = problem.descend(&self.x, &effort, &mut kept);
+        self.kept = kept;
+        moves
+    }
+
+    fn problem<'b>(
+        &'b self,
+        way: &'b Way,
+        (touches, pairs, pins): (&'b [Touch], &'b [Pair], &'b [(u32, DVec3)]),
+    ) -> Problem<'b> {
+        Problem {
+            weave: self.weave,
+            target: &way.target,
+            step: way.scheme.tau,
+            gravity: self.options.gravity,
+            touches,
+            pairs,
+            barrier: self.rule(way.scheme.tau).barrier,
+            pins,
+            pin: self.options.pin,
+        }
+    }
+
+    fn skin(&self, h: f64) -> Skin {
+        let barrier = Barrier {
+            radius: self.options.gap,
+            width: 1e-3,
+            stiffness: BODY_STIFFNESS,
+        };
+        Skin {
+            barrier,
+            stick: STICK * h,
+            reach: self.options.gap + 0.012,
+        }
+    }
+
+    fn touches(&mut self, h: f64) -> Vec<Touch> {
+        let skin = self.skin(h);
+        let mut touches = self
+            .body
+            .touches(self.weave, (&self.x, &self.before), &skin);
+        for &f in &self.poked {
+            for w in SAMPLES {
+                touches.extend(self.body.face_touch(self.weave, (&self.x, f, w), &skin));
+            }
+        }
+        touches
+    }
+
+    fn rule(&self, h: f64) -> Rule {
+        let radius = self.weave.radius;
+        let barrier = Barrier {
+            radius,
+            width: 0.5 * radius,
+            stiffness: CLOTH_STIFFNESS,
+        };
+        let friction = self.weave.friction.iter().copied().fold(0.0, f64::max);
+        Rule {
+            barrier,
+            friction,
+            stick: STICK * h,
+        }
+    }
+
+    fn pairs(&mut self, rule: &Rule) -> Vec<Pair> {
+        let cloth = (self.weave, &self.tangled[..]);
+        self.near.look(cloth, &self.x, rule.barrier.radius);
+        let (list, x) = (&self.near.list, &self.x);
+        let found = ordered::map(list.len(), |k| Pair::at(&list[k], x, rule));
+        found.into_iter().flatten().collect()
+    }
+}
+
+/// A step this many times as long as the last has no use for the past: BDF2 is then unstable (the
+/// bound is 1 + √2).
+const MOST_LONGER: f64 = 2.0;
+/// Newton steps at most in a step of moving cloth, and the stretch beyond the limit that asks for
+/// another.
+pub(super) const ROUNDS: usize = 6;
+const BEYOND: f64 = 0.008;
+/// So does a correction of so much [m]: what is left of it is lost motion.
+const LED_FAR: f64 = 1e-3;
+/// A correction of so much asks where the skin is now [m].
+const TURNED: f64 = 5e-3;
+/// Iterations at most in a Newton step of moving cloth, and what they should reach: the next Newton
+/// step gains more than another digit of this one.
+const ITERATIONS: usize = 60;
+const LOOSE: f64 = 0.03;
+
+/// Stiffness of skin [N/m] per touching vertex.
+const BODY_STIFFNESS: f64 = 400.0;
+/// Stiffness of cloth against cloth [N/m] per touching pair.
+const CLOTH_STIFFNESS: f64 = 150.0;
+/// Speed below which cloth sticks [m/s].
+const STICK: f64 = 2e-3;
+/// No vertex starts a step faster than this [m/s].
+const SPEED: f64 = 0.4;
+
+/// Points of a poked face that touch as well: its middle and the middles of its edges.
+const SAMPLES: [[f64; 3]; 4] = [
+    [1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0],
+    [0.5, 0.5, 0.0],
+    [0.0, 0.5, 0.5],
+    [0.5, 0.0, 0.5],
+];
+
+/// Each velocity, led by `share` to the mean of its own and its neighbours'.
+///
+/// Stands for the air and the rubbing yarns, which calm a ripple far sooner than a swing; and it
+/// takes out what one Newton step leaves unsolved between neighbours.
+fn smoother(v: &[DVec3], near: &Rows, share: f64) -> Vec<DVec3> {
+    ordered::map(v.len(), |i| {
+        let row = near.row(i);
+        let mean = row.iter().map(|&j| v[j as usize]).sum::<DVec3>() / row.len() as f64;
+        v[i].lerp(mean, share)
+    })
+}
+
+const SMOOTHINGS: usize = 3;
+/// Time in which yarns that rub calm a ripple of the size of the mesh [s].
+const RUB: f64 = 0.015;
