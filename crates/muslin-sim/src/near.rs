@@ -398,14 +398,16 @@ impl<'a> Scene<'a> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use glam::DVec2;
     use muslin_energy::{hinge::Bend, membrane::Stretch};
 
     use super::*;
     use crate::cloth::{Cloth, Material};
 
-    /// Two sheets of 12 x 12 vertices, 1 cm apart each way, over one another.
-    fn sheets() -> (Cloth, Vec<DVec3>) {
+    /// Two sheets of 12 x 12 vertices, 1 cm apart each way, one `apart` [m] over the other.
+    fn sheets(apart: f64) -> (Cloth, Vec<DVec3>) {
         let flat = |v: u32| DVec2::new(f64::from(v % 12), f64::from(v / 12)) * 0.01;
         let cells = (0..132_u32).filter(|v| v % 12 < 11);
         let faces: Vec<[u32; 3]> = cells
@@ -436,7 +438,7 @@ mod tests {
             pins: Vec::new(),
             faces,
         };
-        let at = |v: u32| flat(v % 144).extend(if v < 144 { 0.0 } else { 0.012 });
+        let at = |v: u32| flat(v % 144).extend(if v < 144 { 0.0 } else { apart });
         (cloth, (0..288).map(at).collect())
     }
 
@@ -462,40 +464,62 @@ mod tests {
         out
     }
 
-    #[test]
-    fn whoever_is_near_is_in_the_list_however_the_cloth_got_there() {
-        let (cloth, mut x) = sheets();
+    /// Everything near at `x` must be in the list; how much that was.
+    fn holds(near: &mut Neighbours, weave: &Weave, x: &[DVec3]) -> usize {
+        near.look((weave, &vec![false; x.len()]), x, weave.radius);
+        let both = |n: &Near| {
+            let [a, b, c, d] = n.verts;
+            let turned = if n.is_edges { [c, d, a, b] } else { n.verts };
+            [(n.verts, n.is_edges), (turned, n.is_edges)]
+        };
+        let set: BTreeSet<_> = near.list.iter().flat_map(both).collect();
+        let all = all_near(weave, x, weave.radius);
+        for pair in &all {
+            assert!(set.contains(pair), "{pair:?} is missing");
+        }
+        all.len()
+    }
+
+    /// Moves the cloth by what `by` says of a step, a vertex and where it is, for so many steps; how
+    /// many were near, all told.
+    fn moved(apart: f64, steps: usize, by: impl Fn(usize, usize, DVec3) -> DVec3) -> usize {
+        let (cloth, mut x) = sheets(apart);
         let weave = Weave::new(&cloth).expect("a valid cloth");
-        let tangled = vec![false; x.len()];
         let mut near = Neighbours::default();
         let mut met = 0;
-        for step in 0..40 {
-            // The sheets fold up, are pressed together, turn, and fly.
-            let t = f64::from(step) * 0.2;
-            let by = |(v, p): (usize, &DVec3)| {
-                let wave = DVec3::Z * (0.004 * (90.0 * p.x + 50.0 * p.y + 3.0 * t).sin());
-                let press = DVec3::Z * if v < 144 { 0.0015 } else { -0.0015 };
-                wave + press + DVec3::new(0.3, -0.1, 0.2) + p.cross(DVec3::Y) * 0.05
-            };
-            let mut moves: Vec<DVec3> = x.iter().enumerate().map(by).collect();
-            near.lead((&weave, &tangled), &x, &mut moves);
+        for step in 0..steps {
+            let mut moves: Vec<DVec3> =
+                x.iter().enumerate().map(|(v, p)| by(step, v, *p)).collect();
+            near.lead((&weave, &vec![false; x.len()]), &x, &mut moves);
             x = sum(&x, &moves);
-            near.look((&weave, &tangled), &x, weave.radius);
-            let set: std::collections::BTreeSet<_> = near
-                .list
-                .iter()
-                .flat_map(|n| {
-                    let [a, b, c, d] = n.verts;
-                    let turned = if n.is_edges { [c, d, a, b] } else { n.verts };
-                    [([a, b, c, d], n.is_edges), (turned, n.is_edges)]
-                })
-                .collect();
-            let all = all_near(&weave, &x, weave.radius);
-            met += all.len();
-            for pair in all {
-                assert!(set.contains(&pair), "step {step}: {pair:?}");
-            }
+            met += holds(&mut near, &weave, &x);
         }
+        met
+    }
+
+    #[test]
+    fn whoever_is_near_is_in_the_list_however_the_cloth_got_there() {
+        // The sheets fold up, are pressed together, turn, and fly.
+        let met = moved(0.012, 40, |step, v, p| {
+            let t = 0.2 * step as f64;
+            let wave = DVec3::Z * (0.004 * (90.0 * p.x + 50.0 * p.y + 3.0 * t).sin());
+            let press = DVec3::Z * if v < 144 { 0.0015 } else { -0.0015 };
+            wave + press + DVec3::new(0.3, -0.1, 0.2) + p.cross(DVec3::Y) * 0.05
+        });
+        assert!(met > 100, "{met}");
+    }
+
+    #[test]
+    fn what_comes_near_slowly_from_afar_is_found_while_others_are_busy() {
+        // One sheet comes down from 8 cm; a corner of the other flutters, and is looked at each time.
+        let met = moved(0.08, 60, |step, v, _| {
+            let flutter = if step % 2 == 0 { 0.006 } else { -0.006 };
+            match v {
+                0 | 1 | 12 => DVec3::Z * -flutter,
+                144.. if step < 50 => DVec3::Z * -0.0016,
+                _ => DVec3::ZERO,
+            }
+        });
         assert!(met > 100, "{met}");
     }
 }
