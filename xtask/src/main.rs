@@ -7,6 +7,7 @@
 mod assets_body;
 mod assets_pose;
 mod check_body;
+mod check_ccd;
 mod check_gltf;
 mod check_npz;
 mod check_pose;
@@ -19,8 +20,7 @@ mod wheel;
 
 use std::process::ExitCode;
 
-const USAGE: &str =
-    "usage: cargo xtask ci | walls | assets body|pose | check body|pose|gltf|npz | peers [ARGS]";
+const USAGE: &str = "usage: cargo xtask ci | walls | assets body|pose | check body|ccd|gltf|npz|pose | peers [ARGS]";
 
 /// Every job says in words what went wrong.
 pub(crate) type Outcome = Result<(), String>;
@@ -44,6 +44,7 @@ fn run(words: &[&str]) -> Outcome {
         ["assets", "body", rest @ ..] => assets_body::build(rest.first().copied()),
         ["assets", "pose", rest @ ..] => assets_pose::build(rest.first().copied()),
         ["check", "body", rest @ ..] => check_body::run(rest),
+        ["check", "ccd", rest @ ..] => check_ccd::run(rest),
         ["check", "gltf", rest @ ..] => check_gltf::run(rest),
         ["check", "npz", rest @ ..] => check_npz::run(rest),
         ["check", "pose", rest @ ..] => check_pose::run(rest),

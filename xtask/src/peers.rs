@@ -15,14 +15,18 @@ const NEWTON: [&str; 3] = ["newton==1.8.0", "warp-lang==1.19.0", "numpy"];
 const BLENDER: [&str; 1] = ["bpy>=5"];
 
 /// What leads them.
-const SCRIPTS: [(&str, &str); 3] = [
+const SCRIPTS: [(&str, &str); 4] = [
     ("peers_scene.py", include_str!("../python/peers_scene.py")),
     ("peers_newton.py", include_str!("../python/peers_newton.py")),
     (
         "peers_blender.py",
         include_str!("../python/peers_blender.py"),
     ),
+    (SHIRT, include_str!("../python/peers_shirt.py")),
 ];
+
+/// Turns Newton's example shirt into a file that everybody reads.
+const SHIRT: &str = "peers_shirt.py";
 
 /// Says which versions there are.
 const VERSIONS: &str = "
@@ -51,6 +55,17 @@ pub fn run(args: &[&str]) -> Outcome {
     let told = Command::new(&python).args(["-c", VERSIONS]).output();
     let told = told.map_err(|e| format!("{}: {e}", python.display()))?;
     print!("{}", String::from_utf8_lossy(&told.stdout));
+    let shirt = home.join("newton_shirt.obj");
+    let mut convert = Command::new(&python);
+    let done = convert.arg(home.join(SHIRT)).arg(&shirt).output();
+    if done.is_ok_and(|d| d.status.success()) {
+        println!(
+            "muslin simulate --motion walk --garment {}",
+            shirt.display()
+        );
+    } else {
+        println!("Newton's shirt is left out: Blender did not convert it");
+    }
     println!("muslin bench cloth --peers {}", home.display());
     Ok(())
 }

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use muslin::{
-    AnimateOptions, Backdrop, Cut, DressOptions, Person, SimulateOptions, TrainOptions, Wear,
+    AnimateOptions, Backdrop, Cut, DressOptions, Person, SimulateOptions, System, TrainOptions,
+    Wear,
 };
 
 /// Dresses any body in moving cloth: from a photo to a 3D figure wearing draped garments.
@@ -192,10 +193,15 @@ pub struct Simulate {
 Examples:
   muslin train -o tee.muslin
   muslin train --garment tee --fabric cotton-jersey --motion clips/ --motion walk -o tee.muslin
+  muslin train ncs --garment tee -o ncs.muslin     a published system on the same body and garment
 
 OUT.csv has the curve of the training, OUT.report.json what came of it. What is learnt is kept in
 OUT.muslin.part; after Ctrl-C or a crash the same command with --resume goes on to the same bits.")]
 pub struct Train {
+    /// A published system to teach instead of our own trainer, with its published network, losses and
+    /// constants; --codes, --width and --fabric are then not for the training.
+    #[arg(value_enum)]
+    pub system: Option<SystemName>,
     /// The body.
     #[arg(long, value_enum, default_value_t = BodyName::Anny)]
     pub body: BodyName,
@@ -212,19 +218,26 @@ pub struct Train {
     /// Steps of learning.
     #[arg(long, default_value_t = TrainOptions::default().steps)]
     pub steps: u64,
-    /// Learnt shapes of the cloth that are mixed for a pose.
-    #[arg(long, default_value_t = TrainOptions::default().codes)]
-    pub codes: usize,
-    /// Poses of the motions that are learnt from, at most.
+    /// Learnt shapes of the cloth that are mixed for a pose [default: 64].
+    #[arg(long)]
+    pub codes: Option<usize>,
+    /// Poses of the motions that are learnt from, at most; for snug and ncs, windows of poses.
     #[arg(long, default_value_t = TrainOptions::default().poses)]
     pub poses: usize,
     /// Poses mixed of those of the motions (arms between one's and another's, on a third's trunk),
-    /// besides them.
-    #[arg(long, default_value_t = TrainOptions::default().mixed)]
-    pub mixed: usize,
-    /// Width of the network's two inner layers.
-    #[arg(long, default_value_t = TrainOptions::default().width)]
-    pub width: usize,
+    /// besides them; not for snug and ncs, which learn from poses in time [default: 900].
+    #[arg(long)]
+    pub mixed: Option<usize>,
+    /// Width of the network's two inner layers [default: 128].
+    #[arg(long)]
+    pub width: Option<usize>,
+    /// Recurrent layers of snug [default: 4].
+    #[arg(long)]
+    pub layers: Option<usize>,
+    /// Share of the samples whose motions ncs exchanges, so that its decoder meets more of them
+    /// [default: 0.2].
+    #[arg(long)]
+    pub augment: Option<f64>,
     /// Motions that are not learnt from but judged at the end, named as with --motion.
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub check: Vec<String>,
@@ -249,6 +262,7 @@ Examples:
   muslin animate --model tee.muslin --motion walk -o walk.glb
   muslin animate --model tee.muslin --motion dance.bvh --npz dance.npz --picture -o dance.glb
   muslin animate --model tee.muslin --motion walk --refine 0 -o raw.glb      as predicted, unchecked
+  muslin animate --model ncs.muslin --motion run --motion-level 0.7          with less swing
 
 OUT.report.json says how good the result is.")]
 pub struct Animate {
@@ -261,6 +275,10 @@ pub struct Animate {
     /// Solver iterations a frame; 0 writes frames as predicted, unchecked.
     #[arg(long, default_value_t = 5)]
     pub refine: usize,
+    /// How much motion counts, 0 to 10: 1 as it was taught, 0 as if the body stood still; for models
+    /// of `muslin train ncs` [default: 1].
+    #[arg(long)]
+    pub motion_level: Option<f64>,
     /// The animation, a .glb file.
     #[arg(short, long, default_value = "walk.glb")]
     pub out: PathBuf,
@@ -291,6 +309,17 @@ pub struct Animate {
     /// How it is told.
     #[command(flatten)]
     pub telling: Telling,
+}
+
+/// Names of [`System`].
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum SystemName {
+    /// Physically Based Neural Simulator (2021): pose in, cloth at rest out.
+    Pbns,
+    /// Self-Supervised Neural Dynamic Garments (2022): recurrent.
+    Snug,
+    /// Neural Cloth Simulation (2022): still and moving codes, with a motion level.
+    Ncs,
 }
 
 /// Bodies that can be simulated on.
@@ -325,11 +354,12 @@ pub struct Bench {
     /// Folder with test data (photos/, motion/) for the figures that need it.
     #[arg(long, env = "MUSLIN_DATA")]
     pub data: Option<PathBuf>,
-    /// The model in the garments figures, as `muslin train` wrote it.
+    /// The model in the garments figures, as `muslin train` wrote it; given several times, all stand
+    /// side by side.
     #[arg(long)]
-    pub model: Option<PathBuf>,
+    pub model: Vec<PathBuf>,
     /// Bodies, and poses for each, in the drape figures, else 20; frames in the garments figures,
-    /// else 9 (some three minutes).
+    /// else 9 (some three minutes a model).
     #[arg(long)]
     pub cases: Option<usize>,
     /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this; may be given again.
@@ -440,6 +470,7 @@ impl Train {
         let BodyName::Anny = self.body;
         let usual = TrainOptions::default();
         TrainOptions {
+            system: self.system.map(System::from),
             dress: self.wearing.options(usual.dress),
             motion: match self.motion.is_empty() {
                 true => usual.motion,
@@ -451,6 +482,8 @@ impl Train {
             check: self.check.clone(),
             steps: self.steps,
             codes: self.codes,
+            layers: self.layers,
+            augment: self.augment,
             seed: self.seed,
             rate: self.rate,
             resume: self.resume,
@@ -481,6 +514,17 @@ impl Animate {
                 pc2: self.pc2.clone(),
             },
             refine: self.refine,
+            motion_level: self.motion_level,
+        }
+    }
+}
+
+impl From<SystemName> for System {
+    fn from(name: SystemName) -> Self {
+        match name {
+            SystemName::Pbns => System::Pbns,
+            SystemName::Snug => System::Snug,
+            SystemName::Ncs => System::Ncs,
         }
     }
 }

@@ -157,3 +157,129 @@ fn what_cannot_be_taught_or_played_is_refused_in_words() {
     assert_eq!(bent.status.code(), Some(3), "{}", errors(&bent));
     assert!(errors(&bent).contains("muslin train"), "{}", errors(&bent));
 }
+
+/// A short training of a published system on a coarse tee.
+fn published(system: &str, out: &str, more: &[&str]) -> Output {
+    let args = [
+        "train", system, "--motion", "wave", "--poses", "16", "--edge", "25", "-o", out,
+    ];
+    muslin(&[&args[..], more].concat())
+}
+
+/// Frames that a model gives for a short wave, with more arguments.
+fn raw(folder: &Folder, model: &str, more: &[&str]) -> muslin_io::Clip {
+    let (glb, npz) = (folder.at("w.glb"), folder.at("w.npz"));
+    let args = [
+        "animate",
+        "--model",
+        model,
+        "--motion",
+        "wave",
+        "--seconds",
+        "0.2",
+        "--refine",
+        "0",
+        "-o",
+        &glb,
+        "--npz",
+        &npz,
+    ];
+    let done = muslin(&[&args[..], more].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    muslin_io::read_clip(&folder.0.join("w.npz")).expect("it can be read")
+}
+
+#[test]
+fn published_systems_are_taught_and_played_and_motion_has_a_level_where_it_is_told_apart() {
+    let folder = Folder::new("published");
+    for system in ["pbns", "snug", "ncs"] {
+        let model = folder.at(&format!("{system}.muslin"));
+        let mixed: &[&str] = match system {
+            "pbns" => &["--mixed", "0"],
+            _ => &[],
+        };
+        let done = published(system, &model, &[&["--steps", "2"], mixed].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        let report = std::fs::read_to_string(folder.at(&format!("{system}.report.json")));
+        assert!(
+            report
+                .expect("written")
+                .contains(&format!("\"system\": \"{system}\""))
+        );
+        let curve = std::fs::read_to_string(folder.at(&format!("{system}.csv")));
+        assert_eq!(curve.expect("written").lines().count(), 3);
+        let frames = raw(&folder, &model, &[]).drape.frames;
+        assert_eq!(frames.len(), 6);
+        assert!(frames.iter().flatten().all(|p| p.is_finite()));
+        match system {
+            "ncs" => {
+                let less = raw(&folder, &model, &["--motion-level", "0.5"])
+                    .drape
+                    .frames;
+                assert!(less[0] == frames[0] && less[5] != frames[5]);
+            }
+            _ => {
+                let args = ["animate", "--model", &model, "--motion-level", "0.5"];
+                let none = muslin(&args);
+                assert_eq!(none.status.code(), Some(2), "{}", errors(&none));
+                assert!(errors(&none).contains("train ncs"), "{}", errors(&none));
+            }
+        }
+    }
+    let other = [
+        "animate",
+        "--model",
+        &folder.at("snug.muslin"),
+        "--fps",
+        "24",
+        "--refine",
+        "0",
+    ];
+    let glb = folder.at("slow.glb");
+    let done = muslin(&[&other[..], &["--seconds", "0.1", "-o", &glb]].concat());
+    assert!(errors(&done).contains("taught at 30"), "{}", errors(&done));
+}
+
+#[test]
+fn a_published_training_that_was_stopped_goes_on_to_the_same_bytes() {
+    let folder = Folder::new("published-stopped");
+    let (whole, broken) = (folder.at("whole.muslin"), folder.at("broken.muslin"));
+    let steps = ["--steps", "6", "--mixed", "0"];
+    assert_eq!(published("pbns", &whole, &steps).status.code(), Some(0));
+    let mut run = Command::new(env!("CARGO_BIN_EXE_muslin"));
+    run.args(["train", "pbns", "--motion", "wave", "--poses", "16"]);
+    run.args(["--edge", "25", "-o", &broken]).args(steps);
+    run.stderr(Stdio::piped()).stdout(Stdio::null());
+    let mut child = run.spawn().expect("the program starts");
+    let mut told = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+    let began = |l: &Result<String, _>| l.as_ref().is_ok_and(|l| l.contains("garment"));
+    if told.find(began).is_some() {
+        signal(child.id(), "INT");
+    }
+    told.for_each(drop);
+    let code = child.wait().expect("a child").code();
+    assert!(matches!(code, Some(0 | 130)), "{code:?}");
+    let done = published("pbns", &broken, &[&steps[..], &["--resume"]].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let read = |p: &str| std::fs::read(p).expect("written");
+    assert!(read(&whole) == read(&broken), "the same bytes");
+}
+
+#[test]
+fn options_of_another_trainer_are_refused_by_name() {
+    let folder = Folder::new("other-trainer");
+    let out = folder.at("a.muslin");
+    for (system, option, value) in [
+        ("pbns", "--codes", "8"),
+        ("ncs", "--width", "64"),
+        ("snug", "--mixed", "9"),
+        ("pbns", "--layers", "5"),
+        ("snug", "--augment", "0.1"),
+    ] {
+        let done = published(system, &out, &[option, value]);
+        assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
+        assert!(errors(&done).contains(option), "{}", errors(&done));
+    }
+    let done = published("vae", &out, &[]);
+    assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
+}

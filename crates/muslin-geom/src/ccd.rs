@@ -10,24 +10,33 @@ use glam::DVec3;
 
 use crate::closest::{on_segments, on_triangle};
 
+/// What a pair keeps of the distance that it starts with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Keep {
+    /// Share of it, between 0 and 1.
+    pub share: f64,
+    /// Never less than this [m]; a pair that starts nearer keeps all it has.
+    pub least: f64,
+}
+
 /// Largest safe share of the step, `0..=1`, for the point `x[0]` and the triangle `x[1..4]`.
 ///
-/// `x`: positions [m]; `d`: displacements over the step [m]. The returned share leaves at least
-/// `keep` (between 0 and 1) of the first distance at every earlier moment; a pair that touches
-/// at the start gets 0 unless it does not move relative to itself.
-pub fn vertex_triangle(x: &[DVec3; 4], d: &[DVec3; 4], keep: f64) -> f64 {
+/// `x`: positions [m]; `d`: displacements over the step [m]. The returned share leaves what the pair
+/// is to `keep` at every earlier moment; a pair that touches at the start gets 0 unless it does not
+/// move relative to itself.
+pub fn vertex_triangle(x: &[DVec3; 4], d: &[DVec3; 4], keep: Keep) -> f64 {
     let d = relative(d);
     let speed = d[0].length() + d[1].length().max(d[2].length()).max(d[3].length());
-    let distance = |x: &[DVec3; 4]| on_triangle(x[0], &[x[1], x[2], x[3]]).point.distance(x[0]);
-    advance(x, &d, speed, keep, distance)
+    let gap = |x: &[DVec3; 4]| x[0] - on_triangle(x[0], &[x[1], x[2], x[3]]).point;
+    advance(x, (&d, speed, 1), keep, gap)
 }
 
 /// Largest safe share of the step for the edges `x[0..2]` and `x[2..4]`; see [`vertex_triangle`].
-pub fn edge_edge(x: &[DVec3; 4], d: &[DVec3; 4], keep: f64) -> f64 {
+pub fn edge_edge(x: &[DVec3; 4], d: &[DVec3; 4], keep: Keep) -> f64 {
     let d = relative(d);
     let speed = d[0].length().max(d[1].length()) + d[2].length().max(d[3].length());
-    let distance = |x: &[DVec3; 4]| on_segments([x[0], x[1]], [x[2], x[3]]).distance;
-    advance(x, &d, speed, keep, distance)
+    let gap = |x: &[DVec3; 4]| on_segments([x[0], x[1]], [x[2], x[3]]).gap;
+    advance(x, (&d, speed, 2), keep, gap)
 }
 
 /// Displacements without the part that all four share.
@@ -39,22 +48,31 @@ fn relative(d: &[DVec3; 4]) -> [DVec3; 4] {
 /// More advances than this gain nothing; what was reached is safe.
 const ADVANCES: usize = 64;
 
+/// `speed`: what the two sides approach each other by at most; `split`: where the second side starts.
 fn advance(
     x: &[DVec3; 4],
-    d: &[DVec3; 4],
-    speed: f64,
-    keep: f64,
-    distance: impl Fn(&[DVec3; 4]) -> f64,
+    (d, speed, split): (&[DVec3; 4], f64, usize),
+    keep: Keep,
+    gap: impl Fn(&[DVec3; 4]) -> DVec3,
 ) -> f64 {
-    let first = distance(x);
-    if speed <= first * (1.0 - keep) {
+    let mut between = gap(x);
+    let first = between.length();
+    let least = (keep.share * first).max(keep.least.min(first));
+    if speed <= first - least {
         return 1.0;
     }
-    let least = keep * first;
+    // Near the least distance a bound by speed alone stops everybody, also who parts.
+    let is_close = least > keep.share * first;
     let mut t = 0.0;
-    let mut room = first;
     for _ in 0..ADVANCES {
-        let step = 0.9 * (room - least).max(0.0) / speed;
+        let at: [DVec3; 4] = std::array::from_fn(|i| x[i] + d[i] * t);
+        if t > 0.0 {
+            between = gap(&at);
+        }
+        let step = match is_close {
+            true => 0.9 * in_slab(&at, (d, split), between, least),
+            false => 0.9 * (between.length() - least).max(0.0) / speed,
+        };
         t += step;
         if t >= 1.0 {
             return 1.0;
@@ -62,15 +80,41 @@ fn advance(
         if step < 1e-4 {
             return t;
         }
-        room = distance(&std::array::from_fn(|i| x[i] + d[i] * t));
     }
     t
 }
+
+/// For how long the two sides stay on the two sides of a slab across `between`, the way from the second
+/// to the first, as thick as `least` [m].
+fn in_slab(x: &[DVec3; 4], (d, split): (&[DVec3; 4], usize), between: DVec3, least: f64) -> f64 {
+    let normal = between.normalize_or_zero();
+    let mut time = f64::INFINITY;
+    for (i, j) in (0..split).flat_map(|i| (split..4).map(move |j| (i, j))) {
+        let room = normal.dot(x[i] - x[j]) - least;
+        let closing = normal.dot(d[j] - d[i]);
+        if room < -ASKEW * least {
+            return 0.0;
+        } else if closing > 0.0 {
+            time = time.min(room.max(0.0) / closing);
+        }
+    }
+    // Sides that touch have no slab between them.
+    if normal == DVec3::ZERO { 0.0 } else { time }
+}
+
+/// A slab that somebody stands in by this share of its thickness lies askew: what is between sides that
+/// almost touch is mostly rounding. It tells nothing.
+const ASKEW: f64 = 0.01;
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::testing::Rng;
+
+    const TENTH: Keep = Keep {
+        share: 0.1,
+        least: 0.0,
+    };
 
     #[test]
     fn the_safe_share_never_passes_through() {
@@ -79,7 +123,7 @@ mod tests {
         for _ in 0..2000 {
             let x: [DVec3; 4] = std::array::from_fn(|_| rng.vec());
             let d: [DVec3; 4] = std::array::from_fn(|_| (rng.vec() - 0.5) * 3.0);
-            let t = [vertex_triangle(&x, &d, 0.1), edge_edge(&x, &d, 0.1)];
+            let t = [vertex_triangle(&x, &d, TENTH), edge_edge(&x, &d, TENTH)];
             let gap = |k: usize, t: f64| {
                 let y: [DVec3; 4] = std::array::from_fn(|i| x[i] + d[i] * t);
                 match k {
@@ -98,6 +142,44 @@ mod tests {
     }
 
     #[test]
+    fn who_is_nearer_than_the_least_may_part_but_not_approach() {
+        let keep = Keep {
+            share: 0.2,
+            least: 1e-5,
+        };
+        let mut rng = Rng(5);
+        let mut parted = 0;
+        for k in 0..2000 {
+            let mut x: [DVec3; 4] = std::array::from_fn(|_| rng.vec());
+            let gap = |x: &[DVec3; 4]| match k % 2 {
+                0 => x[0] - on_triangle(x[0], &[x[1], x[2], x[3]]).point,
+                _ => on_segments([x[0], x[1]], [x[2], x[3]]).gap,
+            };
+            // Brought to a few times the least distance, or less.
+            let near = 4e-5 * rng.unit();
+            let shift = gap(&x) - gap(&x).normalize_or_zero() * near;
+            (0..2 - (k + 1) % 2).for_each(|i| x[i] -= shift);
+            let d: [DVec3; 4] = std::array::from_fn(|_| (rng.vec() - 0.5) * 1e-3);
+            let t = match k % 2 {
+                0 => vertex_triangle(&x, &d, keep),
+                _ => edge_edge(&x, &d, keep),
+            };
+            let first = gap(&x).length();
+            let least = (0.2 * first).max(first.min(1e-5)) * 0.98;
+            for s in 0..=100 {
+                let y = std::array::from_fn(|i| x[i] + d[i] * (t * f64::from(s) / 100.0));
+                assert!(
+                    gap(&y).length() >= least,
+                    "{k}: {first} to {}",
+                    gap(&y).length()
+                );
+            }
+            parted += usize::from(t == 1.0 && first < 1e-5);
+        }
+        assert!(parted > 100, "{parted}");
+    }
+
+    #[test]
     fn a_head_on_hit_is_stopped_just_before() {
         let x = [
             DVec3::Y,
@@ -106,14 +188,14 @@ mod tests {
             -DVec3::ONE * DVec3::new(1.0, 0.0, 1.0),
         ];
         let d = [DVec3::Y * -2.0, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO];
-        let t = vertex_triangle(&x, &d, 0.1);
+        let t = vertex_triangle(&x, &d, TENTH);
         assert!((0.40..0.4501).contains(&t), "{t}");
     }
 
     #[test]
     fn moving_together_costs_nothing() {
         let x = [DVec3::Y * 1e-6, DVec3::X, DVec3::Z, -DVec3::X];
-        assert_eq!(vertex_triangle(&x, &[DVec3::ONE * 7.0; 4], 0.1), 1.0);
-        assert_eq!(edge_edge(&x, &[DVec3::ONE * 7.0; 4], 0.1), 1.0);
+        assert_eq!(vertex_triangle(&x, &[DVec3::ONE * 7.0; 4], TENTH), 1.0);
+        assert_eq!(edge_edge(&x, &[DVec3::ONE * 7.0; 4], TENTH), 1.0);
     }
 }

@@ -8,7 +8,7 @@
 use std::time::Instant;
 
 use muslin_body::{Avatar, Pose, Shape, motions};
-use muslin_model::{Model, Player, Reader, Skin};
+use muslin_model::{Encoder, Model, Player, Reader, Skin};
 use muslin_net::learn::{Mlp, Noise, Nonlinear};
 
 /// Bones that the tube lies along.
@@ -104,7 +104,7 @@ fn model((n, codes, width): (usize, usize, usize)) -> Model {
         scale: vec![[0.0, 1.0]; encoder.widths[0]],
         drivers: names,
         params: encoder.start(&mut noise),
-        encoder,
+        encoder: Encoder::Plain(encoder),
         modes: noise
             .normals(3 * n * codes)
             .iter()

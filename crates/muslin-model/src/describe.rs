@@ -30,6 +30,11 @@ impl Reader {
         Ok(Self { bones })
     }
 
+    /// The bones in the avatar's rig.
+    pub(crate) fn bones(&self) -> &[usize] {
+        &self.bones
+    }
+
     /// How many numbers describe a pose.
     pub fn n_inputs(&self) -> usize {
         Self::n_inputs_of(self.bones.len())

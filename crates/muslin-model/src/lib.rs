@@ -5,17 +5,25 @@
 //! prediction, which may stretch or touch where the training did not reach.
 //!
 //! `x = Σ w_b A_b (template + M z(pose))`: a small network reads the pose and mixes a few tens of
-//! learnt shapes of the cloth (the rows of `M`), which are then skinned like the body.
+//! learnt shapes of the cloth (the rows of `M`), which are then skinned like the body. The network
+//! is an [`Encoder`]: our own, or one of the published systems', some of which remember the poses
+//! before.
 
 mod blocks;
 mod decode;
 mod describe;
+mod encoder;
 mod error;
+mod layers;
+mod mind;
 mod model;
 mod player;
 mod stored;
+mod stream;
 
 pub use describe::Reader;
+pub use encoder::{Encoder, Ncs, Snug};
 pub use error::ModelError;
 pub use model::{Model, Skin};
 pub use player::Player;
+pub use stream::Stream;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use muslin_net::learn::Mlp;
+use crate::Encoder;
 
 /// Which bones move each vertex, and how strongly.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -47,7 +47,7 @@ pub struct Model {
     /// Mean and 1/deviation of every input over the training poses.
     pub scale: Vec<[f32; 2]>,
     /// The network from inputs to codes.
-    pub encoder: Mlp,
+    pub encoder: Encoder,
     /// Its weights.
     pub params: Vec<f32>,
     /// `M` [m]: for every coordinate of every vertex a row with one entry per code; the last code
@@ -63,6 +63,6 @@ impl Model {
 
     /// How many codes there are, the one that is always one included.
     pub fn n_codes(&self) -> usize {
-        self.encoder.widths.last().map_or(0, |w| w + 1)
+        self.encoder.n_codes() + 1
     }
 }

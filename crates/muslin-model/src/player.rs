@@ -2,45 +2,37 @@
 
 use glam::DAffine3;
 use muslin_body::{Avatar, Pose};
-use muslin_net::learn::{Linear, Nonlinear};
 
 use crate::blocks::{Blocks, Wide};
 use crate::decode::{Affine, Many, One};
-use crate::{Model, ModelError, Reader};
+use crate::mind::Mind;
+use crate::{Model, ModelError, Stream};
 
 /// Frames that [`Player::frames`] works on together.
 const BATCH: usize = 32;
 
 /// Plays a [`Model`]; all memory it needs is taken when it is made.
+///
+/// A model that knows motion is told poses in the order of time; [`Player::begin`] starts anew.
 #[derive(Clone, Debug)]
 pub struct Player {
-    reader: Reader,
+    stream: Stream,
     scale: Vec<[f32; 2]>,
-    /// Layers: weights by input, then output; bias.
-    layers: Vec<Layer>,
-    bend: Nonlinear,
+    mind: Mind,
     blocks: Blocks,
     /// The model's bones in the avatar's rig.
     rig: Vec<usize>,
     input: Vec<f32>,
-    hidden: [Vec<f32>; 2],
     /// Codes and bones of a batch.
     codes: Vec<f32>,
     affine: Vec<Affine>,
     room: Vec<Wide>,
 }
 
-#[derive(Clone, Debug)]
-struct Layer {
-    /// By input, then output.
-    weights: Vec<f32>,
-    bias: Vec<f32>,
-}
-
 impl Player {
     /// Prepares `model` for bodies of this avatar.
     pub fn new(model: &Model, avatar: &Avatar) -> Result<Self, ModelError> {
-        let reader = Reader::new(avatar, &model.drivers)?;
+        let stream = Stream::new(&model.encoder, &model.drivers, avatar)?;
         let find = |name: &String| {
             let bone = avatar.bone(name);
             bone.map_err(|_| ModelError::NoBone(name.clone()))
@@ -50,17 +42,14 @@ impl Player {
             .iter()
             .map(find)
             .collect::<Result<Vec<_>, _>>()?;
-        let widest = model.encoder.widths.iter().copied().max().unwrap_or(0);
         let blocks = Blocks::new(model);
         Ok(Self {
-            input: vec![0.0; reader.n_inputs()],
-            reader,
+            input: vec![0.0; model.encoder.n_inputs(model.drivers.len())],
+            stream,
             scale: model.scale.clone(),
-            layers: layers(model),
-            bend: model.encoder.bend,
+            mind: Mind::new(&model.encoder, &model.params),
             affine: vec![[0.0; 12]; BATCH * rig.len()],
             rig,
-            hidden: [vec![0.0; widest], vec![0.0; widest]],
             codes: vec![0.0; BATCH * blocks.n_codes],
             room: vec![Wide::default(); 3 * blocks.n_codes],
             blocks,
@@ -70,6 +59,22 @@ impl Player {
     /// How many vertices a frame has.
     pub fn n_verts(&self) -> usize {
         self.blocks.n_verts
+    }
+
+    /// Starts a sequence: the next pose is its first, and the body came to it without motion.
+    /// `step` is the time from pose to pose [s]; 1/30 s until it is said. Where a frame depends on
+    /// its pose alone, this changes nothing.
+    pub fn begin(&mut self, step: f64) {
+        self.stream.begin(step);
+        self.mind.begin();
+    }
+
+    /// How much motion counts, where the model can tell it from the pose
+    /// ([`crate::Encoder::has_motion_level`]): 1 as it was taught, 0 as if the body stood still.
+    pub fn set_motion_level(&mut self, level: f32) {
+        if let Mind::Ncs(moving) = &mut self.mind {
+            moving.level = level;
+        }
     }
 
     /// The cloth [m] in a pose; `bones` is `world_from_rest` of all of the rig, as
@@ -88,7 +93,8 @@ impl Player {
         });
     }
 
-    /// The cloth [m] in several poses, as [`Player::frame`] gives it one by one, in less time.
+    /// The cloth [m] in several poses in the order of time, as [`Player::frame`] gives it one by
+    /// one, in less time.
     ///
     /// `out` has one entry per vertex of each pose, pose after pose.
     ///
@@ -117,7 +123,7 @@ impl Player {
 
     /// Codes and bones of a pose into a slot of the batch.
     fn read(&mut self, (pose, bones): (&Pose, &[DAffine3]), slot: usize) {
-        self.reader.read(pose, bones, &mut self.input);
+        self.stream.read(pose, bones, &mut self.input);
         for (x, [mean, scale]) in self.input.iter_mut().zip(&self.scale) {
             *x = (*x - mean) * scale;
         }
@@ -134,67 +140,11 @@ impl Player {
 
     #[inline(always)]
     fn encode(&mut self, slot: usize) {
-        let last = self.layers.len() - 1;
-        let [mut from, mut to] = std::mem::take(&mut self.hidden);
-        from[..self.input.len()].copy_from_slice(&self.input);
-        for (k, layer) in self.layers.iter().enumerate() {
-            let out = &mut to[..layer.bias.len()];
-            out.copy_from_slice(&layer.bias);
-            for (lot, rows) in from.chunks(4).zip(layer.weights.chunks(4 * out.len())) {
-                gather(out, lot, rows);
-            }
-            if k < last {
-                self.bend.forward(out, &mut from[..out.len()]);
-            }
-        }
         let n = self.blocks.n_codes;
         let own = &mut self.codes[slot * n..(slot + 1) * n];
-        for ((code, z), worth) in own.iter_mut().zip(&to).zip(&self.blocks.by_code) {
+        let codes = self.mind.codes(&self.input);
+        for ((code, z), worth) in own.iter_mut().zip(codes).zip(&self.blocks.by_code) {
             *code = z * worth;
         }
-        self.hidden = [from, to];
     }
-}
-
-/// Adds up to four inputs, each times its row of weights.
-#[inline(always)]
-fn gather(out: &mut [f32], x: &[f32], rows: &[f32]) {
-    let n = out.len();
-    match (x, rows.len() == 4 * n) {
-        ([a, b, c, d], true) => {
-            let (r, s) = (&rows[..n], &rows[n..2 * n]);
-            let (t, u) = (&rows[2 * n..3 * n], &rows[3 * n..]);
-            for i in 0..n {
-                out[i] += (r[i] * a + s[i] * b) + (t[i] * c + u[i] * d);
-            }
-        }
-        _ => {
-            for (x, row) in x.iter().zip(rows.chunks_exact(n)) {
-                out.iter_mut().zip(row).for_each(|(y, w)| *y += w * x);
-            }
-        }
-    }
-}
-
-fn layers(model: &Model) -> Vec<Layer> {
-    let mut rest = model.params.as_slice();
-    let one = |l: Linear| {
-        let (own, later) = rest.split_at(l.n_params());
-        rest = later;
-        let (w, b) = own.split_at(l.inputs * l.outputs);
-        let by_input = (0..l.inputs * l.outputs).map(|k| {
-            let (i, o) = (k / l.outputs, k % l.outputs);
-            w[o * l.inputs + i]
-        });
-        let bias = if b.is_empty() {
-            vec![0.0; l.outputs]
-        } else {
-            b.to_vec()
-        };
-        Layer {
-            weights: by_input.collect(),
-            bias,
-        }
-    };
-    model.encoder.layers().map(one).collect()
 }

@@ -4,10 +4,11 @@ use half::f16;
 use muslin_net::learn::{Mlp, Nonlinear};
 use muslin_net::{Array, Numbers, Weights};
 
-use crate::{Model, ModelError, Reader, Skin};
+use crate::{Encoder, Model, ModelError, Ncs, Skin, Snug};
 
-/// What the notes say of the kind of file.
-const FORMAT: &str = "muslin-garment 1";
+/// What the notes say of the kind of file: with a network of our own, and with one that a note
+/// names.
+const FORMATS: [&str; 2] = ["muslin-garment 1", "muslin-garment 2"];
 
 impl Model {
     /// As arrays; learnt shapes and the network as 16-bit floats, everything else as it is.
@@ -18,16 +19,26 @@ impl Model {
         };
         let note =
             |out: &mut Weights, name: &str, value: String| out.notes.insert(name.into(), value);
-        note(&mut out, "format", FORMAT.into());
         note(&mut out, "bones", self.bones.join(" "));
         note(&mut out, "drivers", self.drivers.join(" "));
-        note(&mut out, "bend", self.encoder.bend.name().into());
-        note(&mut out, "bias", self.encoder.bias.to_string());
+        let (format, mlp) = match &self.encoder {
+            Encoder::Plain(m) => (FORMATS[0], Some(m)),
+            Encoder::Pbns(m) => (FORMATS[1], Some(m)),
+            Encoder::Snug(_) => (FORMATS[1], None),
+            Encoder::Ncs(n) => (FORMATS[1], Some(&n.still)),
+        };
+        note(&mut out, "format", format.into());
+        if format == FORMATS[1] {
+            note(&mut out, "network", self.encoder.name().into());
+        }
+        if let Some(mlp) = mlp {
+            note(&mut out, "bend", mlp.bend.name().into());
+            note(&mut out, "bias", mlp.bias.to_string());
+        }
         let mut add = |name: &str, shape: &[usize], numbers| {
             out.arrays.insert(name.into(), Array::new(shape, numbers));
         };
         let (n, m) = (self.n_verts(), self.skin.weights.len());
-        let widths: Vec<u32> = self.encoder.widths.iter().map(|w| *w as u32).collect();
         let halves = |x: &[f32]| x.iter().map(|x| f16::from_f32(*x).to_bits()).collect();
         add(
             "faces",
@@ -55,7 +66,23 @@ impl Model {
             &[self.scale.len(), 2],
             Numbers::F32(self.scale.as_flattened().to_vec()),
         );
-        add("encoder.widths", &[widths.len()], Numbers::U32(widths));
+        for (name, widths) in widths(&self.encoder) {
+            let list = widths.iter().map(|w| *w as u32).collect();
+            add(name, &[widths.len()], Numbers::U32(list));
+        }
+        match &self.encoder {
+            Encoder::Snug(s) => add(
+                "encoder.body",
+                &[s.body.len()],
+                Numbers::F32(s.body.clone()),
+            ),
+            Encoder::Ncs(n) => add(
+                "encoder.joints",
+                &[n.joints.len(), 3],
+                Numbers::F32(n.joints.as_flattened().to_vec()),
+            ),
+            Encoder::Plain(_) | Encoder::Pbns(_) => {}
+        }
         add(
             "encoder.params",
             &[self.params.len()],
@@ -72,12 +99,11 @@ impl Model {
     /// From arrays, if they are whole and fit each other.
     pub fn from_weights(weights: &Weights) -> Result<Self, ModelError> {
         let from = From { weights };
-        if from.note("format")? != FORMAT {
-            let what = format!("is not {FORMAT:?}; it may be of a newer version");
+        let format = from.note("format")?;
+        if !FORMATS.contains(&format) {
+            let what = format!("is not {:?}; it may be of a newer version", FORMATS[0]);
             return Err(ModelError::wrong("format", what));
         }
-        let bend = Nonlinear::named(from.note("bend")?);
-        let widths = from.u32s("encoder.widths")?.iter().map(|w| *w as usize);
         let model = Self {
             notes: weights.notes.clone(),
             faces: triples(from.u32s("faces")?),
@@ -90,10 +116,9 @@ impl Model {
             },
             drivers: names(from.note("drivers")?),
             scale: from.f32s("scale")?.as_chunks::<2>().0.to_vec(),
-            encoder: Mlp {
-                widths: widths.collect(),
-                bend: bend.ok_or_else(|| ModelError::wrong("bend", "is of an unknown kind"))?,
-                bias: from.note("bias")? == "true",
+            encoder: match format == FORMATS[0] {
+                true => Encoder::Plain(from.mlp("encoder.widths")?),
+                false => from.encoder()?,
             },
             params: from.f32s("encoder.params")?,
             modes: from.f32s("modes")?,
@@ -109,12 +134,6 @@ impl Model {
             false => Err(ModelError::wrong(name, "does not fit the other arrays")),
         };
         let (n, m) = (self.n_verts(), self.skin.weights.len());
-        let w = &self.encoder.widths;
-        let small = |x: &usize| (1..=1 << 16).contains(x);
-        fits(
-            "encoder.widths",
-            w.len() >= 2 && w.len() <= 64 && w.iter().all(small),
-        )?;
         fits(
             "faces",
             self.faces.as_flattened().iter().all(|i| (*i as usize) < n),
@@ -130,8 +149,9 @@ impl Model {
         fits("skin.bones", self.skin.bones.len() == m)?;
         let bone = |b: &u8| usize::from(*b) < self.bones.len();
         fits("skin.bones", self.skin.bones.iter().all(bone))?;
-        fits("drivers", w[0] == Reader::n_inputs_of(self.drivers.len()))?;
-        fits("scale", self.scale.len() == w[0])?;
+        let drivers = self.drivers.len();
+        fits("encoder.widths", drivers > 0 && self.encoder.fits(drivers))?;
+        fits("scale", self.scale.len() == self.encoder.n_inputs(drivers))?;
         fits(
             "encoder.params",
             self.params.len() == self.encoder.n_params(),
@@ -147,11 +167,67 @@ impl Model {
     }
 }
 
+/// The sizes of an encoder's parts, each under its array's name.
+fn widths(encoder: &Encoder) -> Vec<(&'static str, &[usize])> {
+    match encoder {
+        Encoder::Plain(m) | Encoder::Pbns(m) => vec![("encoder.widths", &m.widths)],
+        Encoder::Snug(s) => vec![("encoder.widths", &s.widths)],
+        Encoder::Ncs(n) => vec![
+            ("encoder.widths", &n.still.widths),
+            ("encoder.joint", &n.joint.widths),
+            ("encoder.whole", &n.whole.widths),
+            ("encoder.decoder", &n.decoder.widths),
+        ],
+    }
+}
+
 struct From<'a> {
     weights: &'a Weights,
 }
 
 impl<'a> From<'a> {
+    /// The network that a note names.
+    fn encoder(&self) -> Result<Encoder, ModelError> {
+        match self.note("network")? {
+            "pbns" => Ok(Encoder::Pbns(self.mlp("encoder.widths")?)),
+            "snug" => Ok(Encoder::Snug(Snug {
+                body: self.f32s("encoder.body")?,
+                widths: self.sizes("encoder.widths")?,
+            })),
+            "ncs" => {
+                let free = |name| {
+                    let mlp = self.mlp(name)?;
+                    Ok(Mlp { bias: false, ..mlp })
+                };
+                Ok(Encoder::Ncs(Ncs {
+                    joints: triples(&self.f32s("encoder.joints")?),
+                    still: self.mlp("encoder.widths")?,
+                    joint: free("encoder.joint")?,
+                    whole: free("encoder.whole")?,
+                    decoder: self.mlp("encoder.decoder")?,
+                }))
+            }
+            other => Err(ModelError::wrong(
+                "network",
+                format!("is {other:?}, which this version does not know"),
+            )),
+        }
+    }
+
+    /// A perceptron of these widths.
+    fn mlp(&self, widths: &str) -> Result<Mlp, ModelError> {
+        let bend = Nonlinear::named(self.note("bend")?);
+        Ok(Mlp {
+            widths: self.sizes(widths)?,
+            bend: bend.ok_or_else(|| ModelError::wrong("bend", "is of an unknown kind"))?,
+            bias: self.note("bias")? == "true",
+        })
+    }
+
+    fn sizes(&self, name: &str) -> Result<Vec<usize>, ModelError> {
+        Ok(self.u32s(name)?.iter().map(|w| *w as usize).collect())
+    }
+
     fn note(&self, name: &str) -> Result<&'a str, ModelError> {
         let found = self.weights.notes.get(name);
         found

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use muslin_body::{Avatar, Pose, Shape, motions};
-use muslin_model::{Model, Player, Reader, Skin};
+use muslin_model::{Encoder, Model, Player, Reader, Skin};
 use muslin_net::Numbers;
 use muslin_net::learn::{Mlp, Noise, Nonlinear};
 
@@ -42,7 +42,7 @@ fn model() -> Model {
         drivers,
         scale: vec![[0.1, 1.3]; inputs],
         params: encoder.start(&mut noise),
-        encoder,
+        encoder: Encoder::Plain(encoder),
         modes: noise.normals(3 * n * 7).iter().map(|x| 0.02 * x).collect(),
     }
 }
@@ -96,9 +96,12 @@ fn codes(model: &Model, avatar: &Avatar, pose: &Pose) -> Vec<f64> {
         .iter()
         .map(|x| (f64::from(*x) - f64::from(0.1f32)) * f64::from(1.3f32))
         .collect();
+    let Encoder::Plain(encoder) = &model.encoder else {
+        panic!("a network of our own")
+    };
     let mut params = model.params.as_slice();
-    let last = model.encoder.layers().len() - 1;
-    for (k, l) in model.encoder.layers().enumerate() {
+    let last = encoder.layers().len() - 1;
+    for (k, l) in encoder.layers().enumerate() {
         let (own, rest) = params.split_at(l.n_params());
         params = rest;
         let y = (0..l.outputs).map(|o| {
@@ -171,7 +174,13 @@ fn a_turn_of_the_whole_body_about_the_vertical_turns_the_cloth_alike() {
 #[test]
 fn a_stored_model_comes_back_with_shapes_and_network_of_half_precision() {
     let model = model();
-    let back = Model::from_weights(&model.to_weights()).expect("it was just written");
+    let stored = model.to_weights();
+    assert_eq!(
+        stored.notes["format"], "muslin-garment 1",
+        "older programs read it"
+    );
+    assert!(!stored.notes.contains_key("network"));
+    let back = Model::from_weights(&stored).expect("it was just written");
     assert_eq!(
         (&back.faces, &back.skin, &back.template),
         (&model.faces, &model.skin, &model.template)

@@ -9,7 +9,7 @@
 use glam::{DMat3, Mat3A, Vec3A};
 
 use crate::{
-    matrix::{Matrix, STENCIL, narrow, wide},
+    matrix::{Matrix, STENCIL, narrow},
     pattern::{Pattern, Rows},
 };
 
@@ -171,7 +171,7 @@ fn inverse_wholes(matrix: &Matrix<'_>) -> Vec<Mat3A> {
     let pattern = matrix.pattern;
     let mut wholes = vec![DMat3::ZERO; pattern.n_pieces];
     for (piece, diagonal) in pattern.pieces.iter().zip(&pattern.diagonal) {
-        wholes[*piece as usize] += wide(&matrix.blocks[*diagonal as usize]);
+        wholes[*piece as usize] += matrix.blocks[*diagonal as usize].as_dmat3();
     }
     for link in &matrix.links {
         for a in 0..STENCIL {
@@ -179,7 +179,7 @@ fn inverse_wholes(matrix: &Matrix<'_>) -> Vec<Mat3A> {
                 let [p, q] = [a, b].map(|k| pattern.pieces[link.verts[k] as usize]);
                 if p == q {
                     let w = link.weights[a] * link.weights[b];
-                    wholes[p as usize] += wide(&link.stiffness) * f64::from(w);
+                    wholes[p as usize] += link.stiffness.as_dmat3() * f64::from(w);
                 }
             }
         }

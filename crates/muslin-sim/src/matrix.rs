@@ -151,7 +151,7 @@ impl<'a> Matrix<'a> {
                 let w = self.links[l].weights[k];
                 d += self.links[l].stiffness * (w * w);
             }
-            let inverse = wide(&d).inverse();
+            let inverse = d.as_dmat3().inverse();
             if inverse.is_finite() {
                 narrow(&inverse)
             } else {
@@ -267,16 +267,7 @@ fn double(v: &Vec3A) -> DVec3 {
     v.as_dvec3()
 }
 
-/// A block in double precision.
-pub(crate) fn wide(m: &Mat3A) -> DMat3 {
-    m.as_dmat3()
-}
-
 /// A block in single precision.
 pub(crate) fn narrow(m: &DMat3) -> Mat3A {
-    Mat3A::from_cols(
-        m.x_axis.as_vec3a(),
-        m.y_axis.as_vec3a(),
-        m.z_axis.as_vec3a(),
-    )
+    m.as_mat3().into()
 }

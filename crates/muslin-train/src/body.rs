@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 use muslin_body::{Avatar, Cores, Figure, Part, Pose};
-use muslin_geom::{Aabb, Bvh, Surface, vertex_normals};
+use muslin_geom::{Aabb, Bvh, Closest, Surface, vertex_normals};
 use muslin_sim::{Flesh, Frame};
 
 /// How far from the cloth skin is looked for [m].
@@ -145,17 +145,35 @@ impl<'a> Skinned<'a> {
     /// The triangle of the `skin` nearest to each vertex of the cloth at `x` [m]; none where skin is
     /// far, or where the body still folds into itself, so that no cloth could lie between.
     pub fn nearest(&self, skin: &Posed, x: &[DVec3]) -> Vec<u32> {
+        let face = |hit: Option<Closest>| hit.map_or(NO_FACE, |hit| hit.face);
+        self.closest(skin, x).into_iter().map(face).collect()
+    }
+
+    /// The wall of the `skin` nearest to each vertex of the cloth at `x` [m], however deep the vertex
+    /// lies behind it; none where there is no nearest triangle.
+    pub fn walls(&self, skin: &Posed, x: &[DVec3]) -> Vec<Wall> {
+        let wall = |(hit, x): (Option<Closest>, &DVec3)| {
+            let Some(hit) = hit else { return OPEN };
+            let n = match hit.signed.abs() > f64::from(TOUCHING) {
+                true => (*x - hit.point) / hit.signed,
+                false => hit.normal,
+            };
+            let [a, b, c] = n.as_vec3().to_array();
+            [a, b, c, n.dot(hit.point) as f32]
+        };
+        self.closest(skin, x).into_iter().zip(x).map(wall).collect()
+    }
+
+    fn closest(&self, skin: &Posed, x: &[DVec3]) -> Vec<Option<Closest>> {
         let verts: Vec<DVec3> = skin.verts.iter().map(|p| p.as_dvec3()).collect();
         let mut surface = self.flesh.rest().clone();
         surface.refit(&verts);
         let mut hint = 0;
-        let one = |x: &DVec3| match surface.closest_near(*x, REACH, hint) {
-            Some(hit) => {
-                hint = hit.face;
-                let lost = self.rim[hit.face as usize] || crowded(&surface, &hit);
-                if lost { NO_FACE } else { hit.face }
-            }
-            None => NO_FACE,
+        let one = |x: &DVec3| {
+            let hit = surface.closest_near(*x, REACH, hint)?;
+            hint = hit.face;
+            let lost = self.rim[hit.face as usize] || crowded(&surface, &hit);
+            (!lost).then_some(hit)
         };
         x.iter().map(one).collect()
     }
@@ -220,7 +238,7 @@ fn over_origin(pose: &Pose) -> Pose {
 }
 
 /// Whether other skin faces the one that was hit, so near that no cloth fits between.
-fn crowded(surface: &Surface, hit: &muslin_geom::Closest) -> bool {
+fn crowded(surface: &Surface, hit: &Closest) -> bool {
     if hit.signed >= 0.02 {
         return false;
     }
@@ -336,6 +354,23 @@ mod tests {
             right += usize::from((gap - truth.signed).abs() < 1e-5);
         }
         assert!(n > 500 && right as f64 > 0.95 * n as f64, "{right} of {n}");
+        let deep: Vec<DVec3> = verts
+            .iter()
+            .zip(&skin.normals)
+            .map(|(p, n)| *p - n.as_dvec3() * 0.03)
+            .collect();
+        let walls = body.walls(&skin, &deep);
+        let gap = |(w, p): (&Wall, &DVec3)| Vec3::from_slice(&w[..3]).dot(p.as_vec3()) - w[3];
+        let walled = || walls.iter().zip(&deep).filter(|(w, _)| **w != OPEN);
+        assert!(
+            walled().count() > 500,
+            "deep behind it, too, there is a wall"
+        );
+        for (wall, p) in walled() {
+            let truth = surface.closest(*p, 0.2).expect("skin is near").signed;
+            assert!((f64::from(gap((wall, p))) - truth).abs() < 1e-5);
+            assert!((Vec3::from_slice(&wall[..3]).length() - 1.0).abs() < 1e-5);
+        }
         let far = body.wall(&skin, Vec3::splat(9.0), &mut NO_FACE.clone());
         assert_eq!(far, OPEN);
     }

@@ -92,88 +92,12 @@ impl Wall {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DVec2, DVec3};
-    use muslin_energy::{
-        contact::Barrier, flat, hinge::Bend, membrane as exact, membrane::Stretch,
-    };
-    use muslin_net::learn::Noise;
-    use muslin_sim::{Cloth, Material};
+    use glam::DVec3;
+    use muslin_energy::{contact::Barrier, flat, membrane as exact};
 
     use super::*;
     use crate::lanes::LANES;
-
-    /// A sheet of 4 × 3 vertices, unevenly cut.
-    fn sheet() -> Cloth {
-        let at = |i: u32| {
-            DVec2::new(
-                f64::from(i % 4) * 0.012,
-                f64::from(i / 4) * 0.011 + 0.001 * f64::from(i % 3),
-            )
-        };
-        let mut faces = Vec::new();
-        for c in [0, 1, 2, 4, 5, 6u32] {
-            faces.extend([[c, c + 1, c + 5], [c, c + 5, c + 4]]);
-        }
-        Cloth {
-            rest: faces.iter().map(|f: &[u32; 3]| f.map(at)).collect(),
-            materials: vec![Material {
-                density: 0.2,
-                stretch: Stretch {
-                    warp: 300.0,
-                    weft: 200.0,
-                    shear: 50.0,
-                    compression: 0.2,
-                },
-                bend: Bend {
-                    warp: 1e-5,
-                    weft: 2e-5,
-                },
-                limit: None,
-                friction: 0.3,
-                thickness: 5e-4,
-            }],
-            material_of: vec![0; faces.len()],
-            layers: vec![0; 12],
-            pins: Vec::new(),
-            faces,
-        }
-    }
-
-    /// Sixteen crumpled states, metres from the origin.
-    fn states() -> Vec<Row> {
-        let mut noise = Noise::new(3);
-        let mut x = vec![[0.0; LANES]; 36];
-        for v in 0..12 {
-            for axis in 0..3 {
-                for pose in 0..LANES {
-                    let flat = [(v % 4) as f64 * 0.012, 0.0, (v / 4) as f64 * 0.011][axis];
-                    x[3 * v + axis][pose] =
-                        (flat + 0.003 * noise.normal() + pose as f64 * 0.05) as f32;
-                }
-            }
-        }
-        x
-    }
-
-    fn state(x: &[Row], pose: usize) -> Vec<DVec3> {
-        let one = |v: &[Row; 3]| DVec3::from_array(v.map(|row| f64::from(row[pose])));
-        x.as_chunks::<3>().0.iter().map(one).collect()
-    }
-
-    fn agree(what: &str, got: &[Row], want: &[Vec<DVec3>], energy: (Lane, &[f64])) {
-        for pose in 0..LANES {
-            let got = state(got, pose);
-            let size = want[pose].iter().map(|g| g.length()).fold(1e-12, f64::max);
-            for (a, b) in got.iter().zip(&want[pose]) {
-                assert!(a.distance(*b) < 2e-4 * size, "{what}: {a} against {b}");
-            }
-            let (e, w) = (f64::from(energy.0.0[pose]), energy.1[pose]);
-            assert!(
-                (e - w).abs() < 2e-4 * w.abs(),
-                "{what}: energy {e} against {w}"
-            );
-        }
-    }
+    use crate::testing::{agree, sheet, state, states};
 
     #[test]
     fn stretch_of_sixteen_poses_is_the_reference_law() {

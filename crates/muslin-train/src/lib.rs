@@ -23,17 +23,20 @@ mod lesson;
 mod pack;
 mod pool;
 mod prepare;
+pub mod published;
 mod skin;
 mod state;
 #[cfg(test)]
 mod testing;
 mod trainer;
+mod training;
 mod update;
 mod weights;
 mod work;
 
 pub use error::TrainError;
 pub use lesson::{Lesson, Plan};
-pub use pool::{mixed, sampled};
+pub use pool::{mixed, sampled, thinned};
 pub use trainer::{Energies, Told, Trainer};
+pub use training::Training;
 pub use weights::diffused;

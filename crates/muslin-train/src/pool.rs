@@ -10,6 +10,15 @@ pub fn sampled(motions: &[Motion], rate: f64) -> Vec<Pose> {
     motions.iter().flat_map(of).collect()
 }
 
+/// At most `most` poses, evenly taken.
+pub fn thinned(poses: Vec<Pose>, most: usize) -> Vec<Pose> {
+    let n = poses.len();
+    if n <= most {
+        return poses;
+    }
+    (0..most).map(|k| poses[k * n / most].clone()).collect()
+}
+
 /// Bones that each part of a body hangs on; what hangs on none of them is the trunk.
 const LIMBS: [&str; 4] = ["clavicle.L", "clavicle.R", "upperleg01.L", "upperleg01.R"];
 

@@ -49,15 +49,18 @@ pub(crate) fn follow(lesson: &Lesson<'_>) -> Result<(Vec<usize>, Skin), TrainErr
 /// The root, then the bones that move a noticeable share of the cloth and turn in some of the poses.
 ///
 /// A bone that never turns says nothing that its parent does not.
-pub(crate) fn drivers(lesson: &Lesson<'_>, pool: &[Pose]) -> Vec<usize> {
+pub(crate) fn drivers<'p>(
+    lesson: &Lesson<'_>,
+    pool: impl Iterator<Item = &'p Pose> + Clone,
+) -> Vec<usize> {
     let mut share = vec![0.0; lesson.avatar.rig().n_bones()];
     let n = lesson.template.len() as f64;
     let all = lesson.weights.rows().flatten();
     all.for_each(|&(b, w)| share[b as usize] += w / n);
     let turns = |b: usize| {
-        let first = pool[0].rotations[b];
-        pool.iter()
-            .any(|p| p.rotations[b].angle_between(first) > TURNS)
+        let mut turns = pool.clone().map(|p| p.rotations[b]);
+        let first = turns.next();
+        first.is_some_and(|first| turns.any(|q| q.angle_between(first) > TURNS))
     };
     let moving = (1..share.len()).filter(|b| share[*b] > 2e-3 && turns(*b));
     std::iter::once(0).chain(moving).collect()

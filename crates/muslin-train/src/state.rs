@@ -9,7 +9,7 @@ use crate::trainer::{Now, Trainer};
 
 impl Trainer<'_> {
     /// All that changes, and what it belongs to.
-    pub fn keep(&self) -> Weights {
+    pub(crate) fn kept(&self) -> Weights {
         let now = &self.now;
         let mut out = Weights::default();
         let notes = [
@@ -51,8 +51,8 @@ impl Trainer<'_> {
         out
     }
 
-    /// Goes on from what [`Trainer::keep`] gave.
-    pub fn restore(&mut self, kept: &Weights) -> Result<(), TrainError> {
+    /// Goes on from what [`Trainer::kept`] gave.
+    pub(crate) fn go_on(&mut self, kept: &Weights) -> Result<(), TrainError> {
         if kept.notes.get("identity") != Some(&self.identity()) {
             return Err(TrainError::OtherTraining("garment, body, motion or plan"));
         }

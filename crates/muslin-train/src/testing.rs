@@ -1,11 +1,13 @@
-//! A coarse shirt on the default body, for tests.
+//! A coarse shirt on the default body and a small sheet, for tests.
 
-use glam::DVec3;
-use muslin_body::{Avatar, Figure, Pose, Shape, Sparse, motions};
+use glam::{DVec2, DVec3};
+use muslin_body::{Avatar, Figure, Motion, Pose, Shape, Sparse, motions};
 use muslin_energy::{hinge::Bend, membrane::Stretch};
 use muslin_garment::{Garment, Recipe, Tee};
+use muslin_net::learn::Noise;
 use muslin_sim::{Cloth, Material};
 
+use crate::lanes::{LANES, Lane, Row};
 use crate::{Lesson, Plan, Trainer, diffused};
 
 /// Everything a lesson borrows.
@@ -63,6 +65,14 @@ impl Class {
         }
     }
 
+    /// Its poses as the motion that they are.
+    pub fn wave(&self) -> Motion {
+        Motion {
+            fps: 25.0,
+            poses: self.poses.clone(),
+        }
+    }
+
     pub fn trainer(&self) -> Trainer<'_> {
         let lesson = Lesson {
             avatar: &self.avatar,
@@ -78,5 +88,77 @@ impl Class {
             ..Plan::default()
         };
         Trainer::new(lesson, plan, self.poses.clone()).expect("enough poses")
+    }
+}
+
+/// A sheet of 4 × 3 vertices, unevenly cut.
+pub fn sheet() -> Cloth {
+    let at = |i: u32| {
+        DVec2::new(
+            f64::from(i % 4) * 0.012,
+            f64::from(i / 4) * 0.011 + 0.001 * f64::from(i % 3),
+        )
+    };
+    let mut faces = Vec::new();
+    for c in [0, 1, 2, 4, 5, 6u32] {
+        faces.extend([[c, c + 1, c + 5], [c, c + 5, c + 4]]);
+    }
+    Cloth {
+        rest: faces.iter().map(|f: &[u32; 3]| f.map(at)).collect(),
+        materials: vec![Material {
+            density: 0.2,
+            stretch: Stretch {
+                warp: 300.0,
+                weft: 200.0,
+                shear: 50.0,
+                compression: 0.2,
+            },
+            bend: Bend {
+                warp: 1e-5,
+                weft: 2e-5,
+            },
+            limit: None,
+            friction: 0.3,
+            thickness: 5e-4,
+        }],
+        material_of: vec![0; faces.len()],
+        layers: vec![0; 12],
+        pins: Vec::new(),
+        faces,
+    }
+}
+
+/// Sixteen crumpled states, metres from the origin.
+pub fn states() -> Vec<Row> {
+    let mut noise = Noise::new(3);
+    let mut x = vec![[0.0; LANES]; 36];
+    for v in 0..12 {
+        for axis in 0..3 {
+            for pose in 0..LANES {
+                let flat = [(v % 4) as f64 * 0.012, 0.0, (v / 4) as f64 * 0.011][axis];
+                x[3 * v + axis][pose] = (flat + 0.003 * noise.normal() + pose as f64 * 0.05) as f32;
+            }
+        }
+    }
+    x
+}
+
+pub fn state(x: &[Row], pose: usize) -> Vec<DVec3> {
+    let one = |v: &[Row; 3]| DVec3::from_array(v.map(|row| f64::from(row[pose])));
+    x.as_chunks::<3>().0.iter().map(one).collect()
+}
+
+pub fn agree(what: &str, got: &[Row], want: &[Vec<DVec3>], energy: (Lane, &[f64])) {
+    for pose in 0..LANES {
+        let got = state(got, pose);
+        let size = want[pose].iter().map(|g| g.length()).fold(1e-12, f64::max);
+        for (a, b) in got.iter().zip(&want[pose]) {
+            assert!(a.distance(*b) < 2e-4 * size, "{what}: {a} against {b}");
+        }
+        let (e, w) = (f64::from(energy.0.0[pose]), energy.1[pose]);
+        assert!(
+            (e - w).abs() < 2e-4 * w.abs(),
+            "{what}: energy {e} against {w}"
+        );
     }
 }

@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use muslin_body::Pose;
-use muslin_model::{Model, Reader, Skin};
+use muslin_body::{Motion, Pose};
+use muslin_model::{Encoder, Model, Reader, Skin};
+use muslin_net::Weights;
 use muslin_net::learn::{AdamState, Mlp, Noise};
 use rayon::prelude::*;
 
@@ -16,7 +17,9 @@ use crate::folds::Folds;
 use crate::lanes::LANES;
 use crate::lesson::{Lesson, Plan};
 use crate::pack::Pack;
+use crate::pool::thinned;
 use crate::prepare::{drivers, encoder, follow, packs, rescale, standardise};
+use crate::training::{Training, fault, fingerprint, left_out};
 use crate::update::factored;
 use crate::work::Work;
 
@@ -33,6 +36,8 @@ pub struct Energies {
     pub contact: f64,
     /// Pins.
     pub pins: f64,
+    /// Inertia; none where poses are learnt from one by one.
+    pub inertia: f64,
 }
 
 impl Energies {
@@ -42,22 +47,24 @@ impl Energies {
     }
 
     /// By name.
-    pub fn terms(&self) -> [(&'static str, f64); 5] {
+    pub fn terms(&self) -> [(&'static str, f64); 6] {
         [
             ("membrane", self.membrane),
             ("bend", self.bend),
             ("weight", self.weight),
             ("contact", self.contact),
             ("pins", self.pins),
+            ("inertia", self.inertia),
         ]
     }
 
-    fn add(&mut self, other: &Self, share: f64) {
+    pub(crate) fn add(&mut self, other: &Self, share: f64) {
         self.membrane += share * other.membrane;
         self.bend += share * other.bend;
         self.weight += share * other.weight;
         self.contact += share * other.contact;
         self.pins += share * other.pins;
+        self.inertia += share * other.inertia;
     }
 }
 
@@ -118,8 +125,8 @@ pub(crate) struct Now {
 
 /// Poses that a training needs at least.
 const FEWEST: usize = 4 * LANES;
-/// Batches in a row that may fail before the training does.
-const MOST_BAD: u64 = 5;
+/// Poses that a motion is judged by, at most.
+const JUDGED: usize = 32;
 
 impl<'a> Trainer<'a> {
     /// Gets ready to learn from `pool`.
@@ -131,7 +138,7 @@ impl<'a> Trainer<'a> {
         let (rig, skin) = follow(&lesson)?;
         let name = |b: &usize| lesson.avatar.rig().bones[*b].name.clone();
         let bones: Vec<String> = rig.iter().map(name).collect();
-        let drivers: Vec<String> = drivers(&lesson, &pool).iter().map(name).collect();
+        let drivers: Vec<String> = drivers(&lesson, pool.iter()).iter().map(name).collect();
         let reader = Reader::new(lesson.avatar, &drivers)?;
         let body = Skinned::new((lesson.avatar, lesson.figure), lesson.template);
         let mut noise = Noise::new(plan.seed);
@@ -182,99 +189,13 @@ impl<'a> Trainer<'a> {
 
     /// What the bits of the training depend on, in one line.
     pub(crate) fn identity(&self) -> String {
-        let sum = |bytes: &mut dyn Iterator<Item = f64>| {
-            bytes.fold(0u64, |h, x| {
-                // FNV-1a over the bits: tells trainings apart, guards against nobody.
-                (h ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3)
-            })
-        };
-        let poses = self
-            .pool
-            .iter()
-            .flat_map(|p| p.rotations.iter().flat_map(|q| q.to_array()));
-        let cloth = self.lesson.template.iter().flat_map(|p| p.to_array());
-        let fabric = self
-            .cut
-            .patches
-            .iter()
-            .flat_map(|p| p.stretch.map(f64::from));
-        let body = self.lesson.figure.verts.iter().flat_map(|p| p.to_array());
-        let parts = [
-            sum(&mut { poses }),
-            sum(&mut { cloth }),
-            sum(&mut { fabric }),
-            sum(&mut { body }),
-        ];
-        format!("{parts:x?} {:?}", self.plan)
-    }
-
-    /// Steps taken so far.
-    pub fn steps(&self) -> u64 {
-        self.now.step
+        let poses = fingerprint(&self.lesson, self.pool.iter());
+        format!("{poses} {:?}", self.plan)
     }
 
     /// How many poses there are to learn from.
     pub fn n_poses(&self) -> usize {
         self.now.packs.len() * LANES
-    }
-
-    /// What poses that need not be learnt from cost; too few to fill a pack tell nothing.
-    pub fn judge(&self, poses: &[Pose]) -> Told {
-        let how = (&self.body, &self.reader, self.rig.as_slice());
-        let mut packs = packs(poses, how, &mut Noise::new(0));
-        rescale(&mut packs, &self.scale);
-        packs.par_iter_mut().for_each(|pack| {
-            let skin = |p: &u32| self.body.skin(&poses[*p as usize]);
-            pack.skins = pack.poses.iter().map(skin).collect();
-        });
-        let works: Vec<Work> = packs.par_iter_mut().map(|p| self.work(p)).collect();
-        match works.is_empty() {
-            true => Told::default(),
-            false => self.told(&works),
-        }
-    }
-
-    /// What has been learnt so far.
-    pub fn model(&self, notes: BTreeMap<String, String>) -> Model {
-        Model {
-            notes,
-            faces: self.lesson.cloth.faces.clone(),
-            template: self.template.clone(),
-            bones: self.bones.clone(),
-            skin: self.skin.clone(),
-            drivers: self.drivers.clone(),
-            scale: self.scale.clone(),
-            encoder: self.encoder.clone(),
-            params: self.now.params.clone(),
-            modes: self.now.modes.clone(),
-        }
-    }
-
-    /// Learns from the next poses.
-    pub fn step(&mut self) -> Result<Told, TrainError> {
-        let chosen = self.choose();
-        let mut packs: Vec<Pack> = chosen
-            .iter()
-            .map(|k| self.now.packs[*k as usize].clone())
-            .collect();
-        let works: Vec<Work> = packs.par_iter_mut().map(|p| self.work(p)).collect();
-        for (k, pack) in chosen.into_iter().zip(packs) {
-            self.now.packs[k as usize] = pack;
-        }
-        let told = self.told(&works);
-        self.now.step += 1;
-        if let Some(fault) = self.fault(&works) {
-            // A batch that fails is left out; one after the other is a fault.
-            self.now.bad += 1;
-            return if self.now.bad > MOST_BAD {
-                Err(fault)
-            } else {
-                Ok(told)
-            };
-        }
-        self.now.bad = 0;
-        self.learn(&works);
-        Ok(told)
     }
 
     /// The packs of the next step; every pack comes once a round.
@@ -309,12 +230,73 @@ impl<'a> Trainer<'a> {
     fn fault(&self, works: &[Work]) -> Option<TrainError> {
         works.iter().find_map(|w| {
             let vertex = w.broken?;
-            let term = w.energies.terms().into_iter().find(|t| !t.1.is_finite());
-            Some(TrainError::NotFinite {
-                term: term.map_or("gradient", |t| t.0),
-                step: self.now.step,
-                vertex,
-            })
+            Some(fault(&w.energies, vertex, self.now.step))
         })
+    }
+}
+
+impl Training for Trainer<'_> {
+    fn steps(&self) -> u64 {
+        self.now.step
+    }
+
+    fn step(&mut self) -> Result<Told, TrainError> {
+        let chosen = self.choose();
+        let mut packs: Vec<Pack> = chosen
+            .iter()
+            .map(|k| self.now.packs[*k as usize].clone())
+            .collect();
+        let works: Vec<Work> = packs.par_iter_mut().map(|p| self.work(p)).collect();
+        for (k, pack) in chosen.into_iter().zip(packs) {
+            self.now.packs[k as usize] = pack;
+        }
+        let told = self.told(&works);
+        self.now.step += 1;
+        if let Some(fault) = self.fault(&works) {
+            return left_out(&mut self.now.bad, fault, told);
+        }
+        self.now.bad = 0;
+        self.learn(&works);
+        Ok(told)
+    }
+
+    /// Too few poses to fill a pack tell nothing.
+    fn judge(&self, motion: &Motion) -> Told {
+        let poses = &thinned(motion.poses.clone(), JUDGED);
+        let how = (&self.body, &self.reader, self.rig.as_slice());
+        let mut packs = packs(poses, how, &mut Noise::new(0));
+        rescale(&mut packs, &self.scale);
+        packs.par_iter_mut().for_each(|pack| {
+            let skin = |p: &u32| self.body.skin(&poses[*p as usize]);
+            pack.skins = pack.poses.iter().map(skin).collect();
+        });
+        let works: Vec<Work> = packs.par_iter_mut().map(|p| self.work(p)).collect();
+        match works.is_empty() {
+            true => Told::default(),
+            false => self.told(&works),
+        }
+    }
+
+    fn model(&self, notes: BTreeMap<String, String>) -> Model {
+        Model {
+            notes,
+            faces: self.lesson.cloth.faces.clone(),
+            template: self.template.clone(),
+            bones: self.bones.clone(),
+            skin: self.skin.clone(),
+            drivers: self.drivers.clone(),
+            scale: self.scale.clone(),
+            encoder: Encoder::Plain(self.encoder.clone()),
+            params: self.now.params.clone(),
+            modes: self.now.modes.clone(),
+        }
+    }
+
+    fn keep(&self) -> Weights {
+        self.kept()
+    }
+
+    fn restore(&mut self, kept: &Weights) -> Result<(), TrainError> {
+        self.go_on(kept)
     }
 }

@@ -50,6 +50,7 @@ pub fn animate(
     options.check(out)?;
     let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
     let model = read_model(&options.model)?;
+    knows(&model, options)?;
     let simulate = as_trained(&model, &options.simulate)?;
     let folders = Folders::open(out, &simulate)?;
     let mut stage = Theatre {
@@ -68,6 +69,28 @@ pub(crate) fn read_model(path: &Path) -> Result<Model, Failure> {
     let input = read_file(path, MOST_BYTES).map_err(|e| file_failure(&e))?;
     let weights = read_weights(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
     Model::from_weights(&weights).map_err(|e| model_failure(&e).at(input.file))
+}
+
+/// Refuses a motion level for a model that cannot tell motion from the pose.
+fn knows(model: &Model, options: &AnimateOptions) -> Result<(), Failure> {
+    if options.motion_level.is_none() || model.encoder.has_motion_level() {
+        return Ok(());
+    }
+    let what = match model.encoder.is_moving() {
+        true => "the model does not tell motion from the pose",
+        false => "the model knows poses, not motion",
+    };
+    Err(Failure::new(Exit::Usage, "no-motion-level", what)
+        .at("--motion-level")
+        .hint("`muslin train ncs` makes models that have one"))
+}
+
+/// What to say where a model that knows motion is played at another rate than it was taught.
+fn other_rate(model: &Model, fps: f64) -> Option<String> {
+    let taught: f64 = model.notes.get("fps")?.parse().ok()?;
+    (model.encoder.is_moving() && taught != fps).then(|| {
+        format!("the model was taught at {taught} frames a second; at {fps} its motion is off")
+    })
 }
 
 pub(crate) fn model_failure(e: &ModelError) -> Failure {
@@ -127,9 +150,11 @@ impl Theatre<'_, '_> {
         Ok(())
     }
 
-    fn warn(&mut self, warnings: Vec<String>) {
-        warnings.iter().for_each(|w| self.watch.warn(w));
-        self.warnings.extend(warnings);
+    fn warn(&mut self, warnings: impl IntoIterator<Item = String>) {
+        for warning in warnings {
+            self.watch.warn(&warning);
+            self.warnings.push(warning);
+        }
     }
 
     /// Body, motion and garment, as the model knows them.
@@ -152,6 +177,7 @@ impl Theatre<'_, '_> {
             moving.motion.fps
         );
         self.done(2, "motion", told)?;
+        self.warn(other_rate(model, simulate.fps));
         let mut warnings = Vec::new();
         let outfit = Outfit::make(avatar, &simulate.dress, |w| warnings.push(w.to_owned()))?;
         self.warn(warnings);
@@ -169,7 +195,8 @@ impl Theatre<'_, '_> {
         simulate: &SimulateOptions,
         (out, folders): (&Path, Folders),
     ) -> Result<Outcome, Failure> {
-        let played = play((set, model), self.options.refine, self.watch)?;
+        let level = self.options.motion_level.unwrap_or(1.0);
+        let played = play((set, model), (self.options.refine, level), self.watch)?;
         let Played {
             mut reel,
             raw,
@@ -181,6 +208,9 @@ impl Theatre<'_, '_> {
         let refined = self.options.refine > 0;
         let mut r = Report::default();
         r.set("refine", self.options.refine);
+        if model.encoder.has_motion_level() {
+            r.set("motion_level", level);
+        }
         r.set("checked", if refined { "exact" } else { "unchecked" });
         r.set("frames_solved_again", again);
         r.set("raw_frames_a_second", raw.rate.round());

@@ -129,7 +129,8 @@ fn short(x: f64) -> String {
     }
 }
 
-fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
+/// NaN of nothing.
+pub(crate) fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     let (mut sum, mut n) = (0.0, 0usize);
     for x in values {
         (sum, n) = (sum + x, n + 1);

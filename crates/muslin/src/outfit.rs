@@ -229,7 +229,24 @@ fn entry(name: &str) -> Result<&'static Entry, Failure> {
 
 #[cfg(test)]
 mod tests {
+    use muslin_garment::Cut;
+
     use super::*;
+
+    #[test]
+    fn everything_is_cut_slim_regular_and_loose() {
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        for cut in [Cut::Slim, Cut::Regular, Cut::Loose] {
+            let options = DressOptions {
+                outfit: WARDROBE.iter().map(|e| Wear::parse(e.name)).collect(),
+                cut,
+                edge: 0.02,
+                ..Default::default()
+            };
+            let made = Outfit::make(&avatar, &options, |_| {}).map(|o| o.pieces.len());
+            assert!(matches!(made, Ok(6)), "{cut:?}: {made:?}");
+        }
+    }
 
     #[test]
     fn a_garment_or_fabric_that_is_not_there_names_its_neighbours() {

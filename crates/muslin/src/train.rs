@@ -1,49 +1,52 @@
 //! Teaching a garment: from a body, a garment and motions to a model on disk.
 
+mod kept;
+mod lessons;
 mod log;
 mod options;
+mod told;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
-use muslin_body::{Avatar, Figure, Motion, Pose, Sparse};
+use muslin_body::{Avatar, Figure, Motion, PHENOTYPES};
 use muslin_geom::{Report, Value};
-use muslin_io::{Journal, read_file, read_weights, report_json, sha256, write_file, write_weights};
-use muslin_net::learn::Noise;
-use muslin_sim::Cloth;
-use muslin_train::{Lesson, Plan, Told, TrainError, Trainer, diffused, mixed, sampled};
+use muslin_io::{Journal, report_json, write_file, write_weights};
+use muslin_train::published::{Course, Published, System};
+use muslin_train::{Lesson, Told, Trainer, Training};
 
-use crate::drape::{cloth, put_on};
-use crate::dress::{asked_figure, file_failure};
-use crate::failure::{Exit, Failure};
+use crate::dress::{asked_figure, asked_shape, file_failure};
+use crate::failure::Failure;
 use crate::figure::body_failure;
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
-use crate::simulate::{SimulateOptions, expanded, motion};
-use crate::table::Table;
+use crate::simulate::expanded;
 use crate::tell;
 use crate::watch::Watch;
 
+use kept::{beside, failure, keep, resume, stopped};
+use lessons::Pupil;
 use log::Log;
 pub use options::TrainOptions;
+pub(crate) use told::topology;
+use told::{energies, licence, table};
 
 /// How many stages a training has.
 const STAGES: usize = 5;
-/// Rounds in which skin weights spread, and bones a vertex follows at most.
-const DIFFUSED: (usize, usize) = (20, 6);
 /// Seconds from one copy of the work on disk to the next.
 const KEEP_EVERY: f64 = 60.0;
-/// Bytes that a kept training may have.
-pub(crate) const MOST_BYTES: u64 = 8 << 30;
 
 /// Teaches the garment of the options to lie on a moving body, and writes the model to `out` (a
 /// `.muslin`), with `NAME.report.json` and `NAME.csv` (the curve of the training) beside it.
+///
+/// With a published system it is that which is taught, on the same body, garment and motions.
 ///
 /// While it works, what is learnt is kept in `OUT.part`; with `resume` a stopped run goes on from
 /// there and gives the same bits as one that was never stopped.
 pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Outcome, Failure> {
     options.check(out)?;
+    let options = &options.with_fabric(|w| watch.warn(w));
     let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
     let mut school = School {
         options,
@@ -52,17 +55,9 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
         times: Report::default(),
     };
     let figure = school.body(&avatar)?;
-    let (pool, sources) = school.poses(&avatar, &figure)?;
-    let wear = school.garment(&avatar, &figure)?;
-    school.teach((&avatar, &figure), (pool, sources), (&wear, out))
-}
-
-/// A garment as it is taught.
-struct Wear {
-    cloth: Cloth,
-    template: Vec<glam::DVec3>,
-    weights: Sparse,
-    fabric: String,
+    let (motions, sources) = school.motions(&avatar, &figure)?;
+    let pupil = school.garment(&avatar, &figure)?;
+    school.teach((&avatar, &figure), (motions, sources), (&pupil, out))
 }
 
 struct School<'a, 'w> {
@@ -86,73 +81,97 @@ impl School<'_, '_> {
         Ok(figure)
     }
 
-    /// The poses to learn from, and what they come from.
-    fn poses(
+    /// The motions to learn from, and what they come from.
+    fn motions(
         &mut self,
         avatar: &Avatar,
         figure: &Figure,
-    ) -> Result<(Vec<Pose>, Vec<String>), Failure> {
+    ) -> Result<(Vec<Motion>, Vec<String>), Failure> {
         let mut motions = Vec::new();
         let mut sources = Vec::new();
+        let rate = lessons::rate(self.options.system);
         for name in expanded(&self.options.motion)? {
             self.watch.progress(&name);
             self.watch.go_on()?;
-            let (motion, source) = one_motion(avatar, figure, &name)?;
+            let (motion, source) = lessons::one(avatar, figure, (&name, rate))?;
             motions.push(motion);
             sources.push(source);
         }
-        let mut pool = thinned(sampled(&motions, RATE), self.options.poses);
-        let seen = pool.len();
-        if seen > 0 {
-            let noise = &mut Noise::new(self.options.seed ^ 0x5eed);
-            pool.extend(mixed(avatar, &pool, (self.options.mixed, noise)));
-        }
+        let (motions, [seen, mixed]) = lessons::gathered(avatar, motions, self.options);
         let list = sources.iter().map(|s| Value::from(s.as_str()));
         let mut r = Report::default();
         r.set("motions", list.collect::<Vec<_>>());
-        r.set("poses", seen).set("poses_mixed", pool.len() - seen);
+        r.set("poses", seen).set("poses_mixed", mixed);
         self.report.set("learnt_from", r);
-        let told = format!(
-            "{} motions, {seen} poses and {} mixed of them",
-            sources.len(),
-            pool.len() - seen
-        );
+        let more = match mixed {
+            0 => String::new(),
+            n => format!(" and {n} mixed of them"),
+        };
+        let told = format!("{} motions, {seen} poses{more}", sources.len());
         self.done(2, "motion", told)?;
-        Ok((pool, sources))
+        Ok((motions, sources))
     }
 
-    fn garment(&mut self, avatar: &Avatar, figure: &Figure) -> Result<Wear, Failure> {
+    fn garment(&mut self, avatar: &Avatar, figure: &Figure) -> Result<Pupil, Failure> {
         let mut warnings = Vec::new();
         let outfit = Outfit::make(avatar, &self.options.dress, |w| warnings.push(w.to_owned()))?;
         warnings.iter().for_each(|w| self.watch.warn(w));
-        let wear = wear(avatar, figure, &outfit)?;
+        let pupil = Pupil::new((avatar, figure), &outfit, self.options.system)?;
         self.report.set("outfit", tell::outfit(&outfit));
         self.done(3, "garment", tell::pieces(&outfit))?;
-        Ok(wear)
+        Ok(pupil)
+    }
+
+    /// What is going to learn.
+    fn trainer<'l>(
+        &self,
+        lesson: Lesson<'l>,
+        motions: Vec<Motion>,
+    ) -> Result<Box<dyn Training + 'l>, Failure> {
+        let Some(system) = self.options.system else {
+            let pool = motions.into_iter().flat_map(|m| m.poses).collect();
+            let trainer = Trainer::new(lesson, self.options.plan(), pool);
+            return Ok(Box::new(trainer.map_err(|e| failure(&e))?));
+        };
+        let course = self.options.course(system);
+        let body = match system {
+            System::Snug => self.shape(lesson.avatar)?,
+            System::Pbns | System::Ncs => Vec::new(),
+        };
+        let trainer = Published::new(lesson, Course { body, ..course }, motions);
+        Ok(Box::new(trainer.map_err(|e| failure(&e))?))
+    }
+
+    /// The body's shape in numbers.
+    fn shape(&self, avatar: &Avatar) -> Result<Vec<f32>, Failure> {
+        let shape = asked_shape(avatar, &self.options.dress)?;
+        let numbers = PHENOTYPES.iter().map(|p| shape.get(p));
+        let numbers: Result<Vec<f64>, _> = numbers.collect();
+        let numbers = numbers.map_err(|e| body_failure(&e))?;
+        Ok(numbers.into_iter().map(|x| x as f32).collect())
     }
 
     fn teach(
         mut self,
         (avatar, figure): (&Avatar, &Figure),
-        (pool, sources): (Vec<Pose>, Vec<String>),
-        (wear, out): (&Wear, &Path),
+        (motions, sources): (Vec<Motion>, Vec<String>),
+        (pupil, out): (&Pupil, &Path),
     ) -> Result<Outcome, Failure> {
         let lesson = Lesson {
             avatar,
             figure,
-            cloth: &wear.cloth,
-            template: &wear.template,
-            weights: &wear.weights,
+            cloth: &pupil.cloth,
+            template: &pupil.template,
+            weights: &pupil.weights,
         };
-        let plan = self.options.plan();
-        let mut trainer = Trainer::new(lesson, plan.clone(), pool).map_err(|e| failure(&e))?;
+        let mut trainer = self.trainer(lesson, motions)?;
         let part = beside(out, "part");
         let mut log = Log::default();
         if self.options.resume {
-            resume(&mut trainer, &part, &mut log, self.watch)?;
+            resume(&mut *trainer, &part, &mut log, self.watch)?;
         }
-        let last = self.steps(&mut trainer, &part, &mut log)?;
-        self.check((avatar, figure), &trainer)?;
+        let last = self.steps(&mut *trainer, &part, &mut log)?;
+        self.check((avatar, figure), &*trainer)?;
         let e = last.energies;
         let line = format!(
             "{} steps, {:.4} J a pose, stretch {:.4} J",
@@ -161,10 +180,10 @@ impl School<'_, '_> {
             e.membrane
         );
         self.done(4, "learn", line)?;
-        let model = trainer.model(self.notes(wear, &sources, &last));
+        let model = trainer.model(self.notes(pupil, &sources, &last));
         let bytes = write_weights(&model.to_weights());
         self.report.set("model_bytes", bytes.len());
-        self.told(&last, &plan);
+        self.told(&last, model.n_codes());
         self.done(
             5,
             "write",
@@ -189,13 +208,14 @@ impl School<'_, '_> {
     fn check(
         &mut self,
         (avatar, figure): (&Avatar, &Figure),
-        trainer: &Trainer,
+        trainer: &dyn Training,
     ) -> Result<(), Failure> {
+        let rate = lessons::rate(self.options.system);
         let mut all = Vec::new();
         for name in expanded(&self.options.check)? {
             self.watch.progress(&format!("judging {name}"));
-            let (motion, source) = one_motion(avatar, figure, &name)?;
-            let told = trainer.judge(&thinned(sampled(&[motion], RATE), CHECKED));
+            let (motion, source) = lessons::one(avatar, figure, (&name, rate))?;
+            let told = trainer.judge(&motion);
             let mut r = energies(&told);
             r.set("motion", source);
             all.push(Value::Tree(r));
@@ -215,7 +235,7 @@ impl School<'_, '_> {
     /// All steps that are left; stops where it is asked to, and keeps what is done.
     fn steps(
         &mut self,
-        trainer: &mut Trainer,
+        trainer: &mut dyn Training,
         part: &Path,
         log: &mut Log,
     ) -> Result<Told, Failure> {
@@ -248,182 +268,40 @@ impl School<'_, '_> {
     }
 
     /// What the file says of itself.
-    fn notes(&self, wear: &Wear, sources: &[String], last: &Told) -> BTreeMap<String, String> {
+    fn notes(&self, pupil: &Pupil, sources: &[String], last: &Told) -> BTreeMap<String, String> {
         let d = &self.options.dress;
+        let system = self.options.system;
         let asked = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
         let notes = [
             ("garment", d.outfit[0].garment.clone()),
-            ("fabric", wear.fabric.clone()),
+            ("fabric", pupil.fabric.clone()),
             ("cut", format!("{:?}", d.cut).to_lowercase()),
             ("edge", d.edge.to_string()),
             ("body", "anny".into()),
             ("height", asked(d.height)),
             ("weight", asked(d.weight)),
             ("gender", asked(d.gender)),
-            ("topology", topology(&wear.cloth.faces)),
+            ("topology", topology(&pupil.cloth.faces)),
             ("trained_on", sources.join("; ")),
             ("licence", licence(sources)),
             ("steps", last.step.to_string()),
             ("seed", self.options.seed.to_string()),
+            ("system", system.map_or("muslin", System::name).to_owned()),
+            ("fps", lessons::rate(system).to_string()),
             ("muslin", env!("CARGO_PKG_VERSION").into()),
         ];
         notes.map(|(k, v)| (k.to_owned(), v)).into()
     }
 
-    fn told(&mut self, last: &Told, plan: &Plan) {
+    fn told(&mut self, last: &Told, codes: usize) {
         let mut r = Report::default();
-        r.set("steps", last.step as f64)
-            .set("poses_a_step", 16 * plan.packs);
-        r.set("codes", plan.codes);
+        r.set("steps", last.step as f64);
+        match self.options.system {
+            Some(system) => r.set("system", system.name()).set("poses_a_step", 16_usize),
+            None => r.set("poses_a_step", 16 * self.options.plan().packs),
+        };
+        r.set("codes", codes);
         r.set("last_batch", energies(last));
         self.report.set("learning", r);
     }
-}
-
-/// Poses that a motion is judged by, at most.
-const CHECKED: usize = 32;
-
-fn energies(told: &Told) -> Report {
-    let mut r = Report::default();
-    for (name, value) in told.energies.terms() {
-        r.set(&format!("{name}_J"), value);
-    }
-    r.set("under_percent", 100.0 * told.under);
-    r
-}
-
-/// Poses a second that are taken from a motion.
-const RATE: f64 = 10.0;
-
-/// At most `most` poses, evenly taken.
-fn thinned(poses: Vec<Pose>, most: usize) -> Vec<Pose> {
-    let n = poses.len();
-    if n <= most {
-        return poses;
-    }
-    (0..most).map(|k| poses[k * n / most].clone()).collect()
-}
-
-/// A motion without its way in from the rest pose, and what to call it.
-fn one_motion(avatar: &Avatar, figure: &Figure, name: &str) -> Result<(Motion, String), Failure> {
-    let options = SimulateOptions {
-        motion: name.to_owned(),
-        fps: RATE,
-        ..SimulateOptions::default()
-    };
-    let moving = motion::load(avatar, figure, &options)?;
-    let source = match &moving.sha256 {
-        Some(hash) => format!("{} sha256:{}", moving.name, &hash[..16]),
-        None => format!("built-in {}", moving.name),
-    };
-    let motion = Motion {
-        fps: moving.motion.fps,
-        poses: moving.motion.poses[moving.lead..].to_vec(),
-    };
-    Ok((motion, source))
-}
-
-/// The one garment of an outfit, ready to be taught.
-fn wear(avatar: &Avatar, figure: &Figure, outfit: &Outfit) -> Result<Wear, Failure> {
-    let worn = put_on(avatar, outfit, figure)?;
-    let piece = &outfit.pieces[0];
-    let skin = piece.garment.skin_weights(avatar);
-    Ok(Wear {
-        cloth: cloth(outfit, &worn),
-        template: worn[0].verts.clone(),
-        weights: diffused(&skin, &piece.garment.faces, DIFFUSED),
-        fabric: piece.fabric.name.clone(),
-    })
-}
-
-/// A hash of the triangles: models of other triangles are not for this garment.
-pub(crate) fn topology(faces: &[[u32; 3]]) -> String {
-    let bytes: Vec<u8> = faces
-        .as_flattened()
-        .iter()
-        .flat_map(|i| i.to_le_bytes())
-        .collect();
-    sha256(&bytes)
-}
-
-/// The terms of everything that was learnt from.
-fn licence(sources: &[String]) -> String {
-    let own = "body CC0; built-in motions and garment Apache-2.0 OR MIT";
-    match sources.iter().all(|s| s.starts_with("built-in")) {
-        true => own.into(),
-        false => format!("{own}; recordings under their owners' terms: see trained_on"),
-    }
-}
-
-fn resume(
-    trainer: &mut Trainer,
-    part: &Path,
-    log: &mut Log,
-    watch: &mut Watch,
-) -> Result<(), Failure> {
-    if !part.exists() {
-        watch.warn("nothing to go on from; starting at the first step");
-        return Ok(());
-    }
-    let input = read_file(part, MOST_BYTES).map_err(|e| file_failure(&e))?;
-    let kept = read_weights(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
-    trainer
-        .restore(&kept)
-        .map_err(|e| failure(&e).at(part.display().to_string()))?;
-    if let Some(text) = kept.notes.get("log") {
-        *log = Log::read(text);
-    }
-    Ok(())
-}
-
-fn keep(trainer: &Trainer, part: &Path, log: &Log) -> Result<(), Failure> {
-    let mut kept = trainer.keep();
-    kept.notes.insert("log".into(), log.text());
-    let written = write_file(part, &write_weights(&kept));
-    written.map(|_| ()).map_err(|e| file_failure(&e))
-}
-
-fn stopped(failure: Failure, part: &Path, step: u64, of: u64) -> Failure {
-    Failure {
-        what: format!(
-            "stopped; {step} of {of} steps are kept in {}",
-            part.display()
-        ),
-        ..failure
-    }
-    .hint("the same command with --resume goes on from there")
-}
-
-/// `OUT.EXT`.
-fn beside(out: &Path, extension: &str) -> PathBuf {
-    let mut name = out.as_os_str().to_owned();
-    name.push(format!(".{extension}"));
-    name.into()
-}
-
-fn failure(e: &TrainError) -> Failure {
-    let (exit, code) = match e {
-        TrainError::NotFinite { .. } => (Exit::Numbers, "not-finite"),
-        TrainError::OtherTraining(_) => (Exit::Invalid, "cannot-resume"),
-        _ => (Exit::Invalid, "train"),
-    };
-    Failure::new(exit, code, e.to_string())
-}
-
-fn table(last: &Told, files: &[(PathBuf, Vec<u8>)]) -> String {
-    let mut table = Table::new(&[]);
-    table.row(["learnt", &format!("{} steps", last.step)]);
-    let terms = last.energies.terms().map(|(n, v)| format!("{n} {v:.4}"));
-    table.row(["J a pose", &terms.join(", ")]);
-    table.row([
-        "contact",
-        &format!("{:.3} % of the cloth under the skin", 100.0 * last.under),
-    ]);
-    for (i, (path, _)) in files.iter().enumerate() {
-        table.row([
-            if i == 0 { "wrote" } else { "" },
-            &path.display().to_string(),
-        ]);
-    }
-    table.text()
 }

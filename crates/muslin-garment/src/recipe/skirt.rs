@@ -56,7 +56,7 @@ impl Skirt {
 
     pub(crate) fn figures(&self) -> [FigureRange; 6] {
         [
-            ("waist ease [m]", self.waist_ease, 0.0, 0.2),
+            ("waist ease [m]", self.waist_ease, 0.0, 0.3),
             ("hip ease [m]", self.hip_ease, 0.01, 0.5),
             ("flare [m]", self.flare, 0.0, 3.0),
             ("rise [m]", self.rise, 0.15, 0.23),

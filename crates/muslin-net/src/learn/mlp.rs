@@ -72,6 +72,17 @@ impl Mlp {
 
     /// From `∂/∂output` adds to `∂/∂params`.
     pub fn backward(&self, params: &[f32], tape: &MlpTape, d_out: &[f32], d_params: &mut [f32]) {
+        self.backward_to(params, (tape, d_out), d_params, None);
+    }
+
+    /// [`Mlp::backward`], which also gives `∂/∂x` where that is wanted.
+    pub fn backward_to(
+        &self,
+        params: &[f32],
+        (tape, d_out): (&MlpTape, &[f32]),
+        d_params: &mut [f32],
+        dx: Option<&mut [f32]>,
+    ) {
         let mut d = d_out.to_vec();
         let mut end = self.n_params();
         for (k, layer) in self.layers().enumerate().rev() {
@@ -79,18 +90,18 @@ impl Mlp {
             end = span.start;
             let way = (tape.into[k].as_slice(), d.as_slice(), tape.batch);
             if k == 0 {
-                layer.backward(&params[span.clone()], way, &mut d_params[span], None);
+                layer.backward(&params[span.clone()], way, &mut d_params[span], dx);
                 break;
             }
-            let mut dx = vec![0.0; layer.inputs * tape.batch];
+            let mut before = vec![0.0; layer.inputs * tape.batch];
             layer.backward(
                 &params[span.clone()],
                 way,
                 &mut d_params[span],
-                Some(&mut dx),
+                Some(&mut before),
             );
-            self.bend.backward(&tape.out[k - 1], &mut dx);
-            d = dx;
+            self.bend.backward(&tape.out[k - 1], &mut before);
+            d = before;
         }
     }
 }

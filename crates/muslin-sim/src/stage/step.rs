@@ -111,28 +111,30 @@ impl Stage<'_> {
     fn newton(&mut self, way: &Way, pace: &Pace) -> Option<Vec<Touch>> {
         let tau = way.scheme.tau;
         let first = self.touches(tau);
-        self.start(way, &first);
-        let mut led = self.correct((way, pace), &first)?;
+        let pairs = self.start(way, &first);
+        let mut led = self.correct((way, pace), &first, &pairs)?;
         for _ in 1..pace.rounds {
             let far = !pace.smooth && led[0] > LED_FAR;
             if !far && quality::excess(self.weave, &self.x) < BEYOND {
                 break;
             }
             // Where nobody went far, the skin is where it was seen.
-            led = if pace.smooth || led[1] > TURNED {
-                let touches = self.touches(tau);
-                self.correct((way, pace), &touches)?
-            } else {
-                self.correct((way, pace), &first)?
-            };
+            let again = (pace.smooth || led[1] > TURNED).then(|| self.touches(tau));
+            let pairs = self.pairs(&self.rule(tau));
+            led = self.correct((way, pace), again.as_ref().unwrap_or(&first), &pairs)?;
         }
         Some(first)
     }
 
     /// One Newton step; how far it led 98 % of the vertices at most, and how far the one that it led
     /// farthest [m].
-    fn correct(&mut self, on: (&Way, &Pace), touches: &[Touch]) -> Option<[f64; 2]> {
-        let moves = self.solve(on, touches)?;
+    fn correct(
+        &mut self,
+        on: (&Way, &Pace),
+        touches: &[Touch],
+        pairs: &[Pair],
+    ) -> Option<[f64; 2]> {
+        let moves = self.solve(on, touches, pairs)?;
         let mut lengths: Vec<f64> = moves.iter().map(|m| m.length()).collect();
         let led = [0.98, 1.0].map(|share| quality::percentile(&mut lengths, share));
         self.go(moves);
@@ -169,32 +171,41 @@ impl Stage<'_> {
         self.steps += 1;
     }
 
-    /// Lets a step begin where the cloth was, not where it drifted to, if that costs less.
-    fn start(&mut self, way: &Way, touches: &[Touch]) {
-        if self.x != way.from {
-            let pairs = self.pairs(&self.rule(way.scheme.tau));
-            let pins = self.pin_targets();
-            let problem = self.problem(way, (touches, &pairs, &pins));
-            if problem.energy(&way.from) < problem.energy(&self.x) {
-                self.x.clone_from(&way.from);
-            }
+    /// Lets a step begin where the cloth was, not where it drifted to, if that costs less; the pairs
+    /// that push each other where it begins.
+    fn start(&mut self, way: &Way, touches: &[Touch]) -> Vec<Pair> {
+        let rule = self.rule(way.scheme.tau);
+        let pairs = self.pairs(&rule);
+        if self.x == way.from {
+            return pairs;
         }
+        let pins = self.pin_targets();
+        let problem = self.problem(way, (touches, &pairs, &pins));
+        if problem.energy(&way.from) < problem.energy(&self.x) {
+            self.x.clone_from(&way.from);
+            return self.pairs(&rule);
+        }
+        pairs
     }
 
     /// The moves of a Newton step [m].
-    fn solve(&mut self, (way, pace): (&Way, &Pace), touches: &[Touch]) -> Option<Vec<DVec3>> {
-        let pairs = self.pairs(&self.rule(way.scheme.tau));
+    fn solve(
+        &mut self,
+        (way, pace): (&Way, &Pace),
+        touches: &[Touch],
+        pairs: &[Pair],
+    ) -> Option<Vec<DVec3>> {
         let pins = self.pin_targets();
         let mut kept = self.kept.take();
-        let problem = self.problem(way, (touches, &pairs, &pins));
+        let problem = self.problem(way, (touches, pairs, &pins));
+        let (iterations, tolerance) = match pace.smooth {
+            true => (self.options.iterations, 1e-3),
+            false => (ITERATIONS, LOOSE),
+        };
         let effort = Effort {
-            iterations: if pace.smooth {
-                self.options.iterations
-            } else {
-                ITERATIONS
-            },
+            iterations,
             handles: self.handles.as_ref(),
-            tolerance: if pace.smooth { 1e-3 } else { LOOSE },
+            tolerance,
         };
         let moves = problem.descend(&self.x, &effort, &mut kept);
         self.kept = kept;

@@ -41,16 +41,16 @@ const SIDE: usize = 8;
 /// Iterations of the second attempt at a frame that is not clean, and at the end of the third.
 const AGAIN: usize = 25;
 
-/// Plays all frames and leads each by `refine` iterations of the solver to rest.
+/// Plays all frames with that much motion and leads each by `refine` iterations of the solver to rest.
 ///
 /// A frame that is not clean then gets more iterations; one that still is not is reached from the
 /// nearest clean one, along the motion.
 pub(crate) fn play(
     (set, model): (&Set, &Model),
-    refine: usize,
+    (refine, level): (usize, f64),
     watch: &mut Watch,
 ) -> Result<Played, Failure> {
-    let raw = predict(set, model)?;
+    let raw = predict((set, model), (level, 1))?;
     let n = raw.frames.len();
     let mut solved: Vec<Solved> = Vec::with_capacity(n);
     for (c, chunk) in raw.frames.chunks(SIDE).enumerate() {
@@ -186,9 +186,15 @@ fn meeting(set: &Set, x: &[DVec3], skin: &[DVec3]) -> usize {
     intersecting_pairs(&mesh(x, &set.cloth.faces), &body).len()
 }
 
-/// What the network says, on one thread.
-pub(crate) fn predict(set: &Set, model: &Model) -> Result<Raw, Failure> {
+/// What the network says with that much motion, on one thread: every frame is played, and those
+/// at multiples of `every` are told.
+pub(crate) fn predict(
+    (set, model): (&Set, &Model),
+    (level, every): (f64, usize),
+) -> Result<Raw, Failure> {
     let mut player = Player::new(model, set.avatar).map_err(|e| model_failure(&e))?;
+    player.begin(1.0 / set.moving.motion.fps);
+    player.set_motion_level(level as f32);
     let poses: Vec<&Pose> = set.moving.motion.poses[set.moving.lead..].iter().collect();
     let mut flat = vec![vec![[0.0f32; 3]; player.n_verts()]; poses.len()];
     let since = Instant::now();
@@ -197,7 +203,8 @@ pub(crate) fn predict(set: &Set, model: &Model) -> Result<Raw, Failure> {
     }
     let rate = poses.len() as f64 / since.elapsed().as_secs_f64().max(1e-9);
     let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-    let frames: Vec<Vec<DVec3>> = flat.iter().map(|f| f.iter().map(wide).collect()).collect();
+    let told = flat.iter().step_by(every);
+    let frames: Vec<Vec<DVec3>> = told.map(|f| f.iter().map(wide).collect()).collect();
     let sound = frames.iter().flatten().all(|p| p.is_finite());
     if !sound {
         return Err(Failure::new(
@@ -207,7 +214,8 @@ pub(crate) fn predict(set: &Set, model: &Model) -> Result<Raw, Failure> {
         ));
     }
     let count = |(k, x): (usize, &Vec<DVec3>)| {
-        let surface = Surface::new(&set.skin(set.moving.lead + k), set.avatar.collision_faces());
+        let skin = set.skin(set.moving.lead + k * every);
+        let surface = Surface::new(&skin, set.avatar.collision_faces());
         let inside = |p: &&DVec3| {
             surface
                 .closest(**p, 0.05)

@@ -15,6 +15,8 @@ pub struct AnimateOptions {
     pub simulate: SimulateOptions,
     /// Solver iterations a frame; with none, frames are written as predicted.
     pub refine: usize,
+    /// How much motion counts, 1 as it was taught; for models that tell it from the pose.
+    pub motion_level: Option<f64>,
 }
 
 impl Default for AnimateOptions {
@@ -26,6 +28,7 @@ impl Default for AnimateOptions {
                 ..SimulateOptions::default()
             },
             refine: 5,
+            motion_level: None,
         }
     }
 }
@@ -34,6 +37,7 @@ impl AnimateOptions {
     /// Refuses numbers out of range and files of kinds that are not written.
     pub fn check(&self, out: &Path) -> Result<(), Failure> {
         within("--refine", "", Some(self.refine as f64), (0.0, 1000.0))?;
+        within("--motion-level", "", self.motion_level, (0.0, 10.0))?;
         self.simulate.check(out)
     }
 }

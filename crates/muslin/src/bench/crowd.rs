@@ -4,11 +4,13 @@ use std::path::{Path, PathBuf};
 
 use muslin_body::retarget::{Recording, retarget};
 use muslin_body::{Avatar, Figure, PHENOTYPES, Pose, Shape};
+use muslin_garment::Cut;
 use muslin_io::{bvh, read_file};
 
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
+use crate::options::{DressOptions, Wear};
 
 /// Largest recording read [bytes].
 const CAP: u64 = 64 << 20;
@@ -40,6 +42,45 @@ pub fn stranger(seed: u64) -> Shape {
         *value = low + (high - low) * (0.1 + 0.8 * dice.roll());
     }
     shape
+}
+
+/// What strangers wear, innermost first.
+const WORN: [&[&str]; 10] = [
+    &["tee"],
+    &["long-sleeve"],
+    &["trousers"],
+    &["shorts"],
+    &["skirt"],
+    &["dress"],
+    &["trousers", "tee"],
+    &["shorts", "long-sleeve"],
+    &["skirt", "tee"],
+    &["trousers", "dress"],
+];
+/// What it is made of.
+const MADE_OF: [&str; 7] = [
+    "cotton-shirting",
+    "cotton-jersey",
+    "silk-charmeuse",
+    "wool-suiting",
+    "denim",
+    "polyester-lining",
+    "nylon-taffeta",
+];
+
+/// A random outfit: one garment or two that are worn together, each of any fabric, in any cut.
+pub fn outfit(seed: u64) -> DressOptions {
+    let mut dice = Dice(seed.wrapping_mul(0x2545_f491_4f6c_dd1d));
+    let mut one_of = |n: usize| ((dice.roll() * n as f64) as usize).min(n - 1);
+    let garments = WORN[one_of(WORN.len())].iter();
+    let wear = garments.map(|g| Wear::parse(&format!("{g}:{}", MADE_OF[one_of(MADE_OF.len())])));
+    let outfit = wear.collect();
+    let cut = [Cut::Slim, Cut::Regular, Cut::Loose][one_of(3)];
+    DressOptions {
+        outfit,
+        cut,
+        ..Default::default()
+    }
 }
 
 /// A moment of a recording.
@@ -124,5 +165,20 @@ mod tests {
         assert!(stranger(1).check().is_ok());
         assert_ne!(stranger(1), stranger(2));
         assert_eq!(stranger(3), stranger(3));
+    }
+
+    #[test]
+    fn all_that_strangers_wear_is_there() {
+        let all: Vec<DressOptions> = (1..200).map(outfit).collect();
+        for name in WORN.concat() {
+            assert!(
+                all.iter()
+                    .any(|o| o.outfit.iter().any(|w| w.garment == name))
+            );
+        }
+        for name in MADE_OF {
+            let has = |w: &Wear| w.fabric.as_deref() == Some(name);
+            assert!(all.iter().any(|o| o.outfit.iter().any(has)));
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! A trained garment on recordings it never learnt from: the network, refined, and the minimiser.
+//! Trained garments on recordings they never learnt from: the network, refined, and the minimiser.
 
 use std::path::{Path, PathBuf};
 
@@ -82,21 +82,72 @@ impl Tier {
     }
 }
 
-/// The figures of the model at `model` on recordings of the data folder, `cases` frames in all.
-pub fn garments(
-    data: Option<&Path>,
-    model: Option<&Path>,
-    cases: usize,
-) -> Result<String, Failure> {
+/// A model that is measured.
+struct Subject {
+    path: PathBuf,
+    model: Model,
+}
+
+impl Subject {
+    fn new(path: &Path) -> Result<Self, Failure> {
+        Ok(Self {
+            path: path.to_owned(),
+            model: read_model(path)?,
+        })
+    }
+
+    fn name(&self) -> String {
+        muslin_io::name(Path::new(self.path.file_stem().unwrap_or_default()))
+    }
+
+    fn note(&self, name: &str) -> &str {
+        self.model.notes.get(name).map_or("unknown", String::as_str)
+    }
+
+    /// Frames a second that it is played at, and which of them are looked at: those of
+    /// [`LOOKS`], whatever the rate.
+    fn rate(&self) -> (f64, usize) {
+        let taught = self.note("fps").parse().unwrap_or(30.0);
+        match self.model.encoder.is_moving() {
+            true => (taught, (taught / LOOKS).round().max(1.0) as usize),
+            false => (LOOKS, 1),
+        }
+    }
+
+    /// What it is, in a line.
+    fn told(&self) -> String {
+        let bytes = std::fs::metadata(&self.path).map_or(0, |m| m.len());
+        format!(
+            "{}: {} in {}, {} vertices, {:.2} MB, {} codes of {}, trained on {}",
+            self.path.display(),
+            self.note("garment"),
+            self.note("fabric"),
+            self.model.n_verts(),
+            bytes as f64 / 1e6,
+            self.model.n_codes(),
+            self.model.encoder.name(),
+            match self.note("trained_on").split("; ").count() {
+                1 => "one motion".to_owned(),
+                n => format!("{n} motions"),
+            },
+        )
+    }
+}
+
+/// The figures of the `models` on recordings of the data folder, side by side, `cases` frames in
+/// all for each.
+pub fn garments(data: Option<&Path>, models: &[PathBuf], cases: usize) -> Result<String, Failure> {
     let data = needed(data)?;
-    let path = model.map(PathBuf::from).ok_or_else(|| {
+    if models.is_empty() {
         let fault = Failure::new(Exit::Usage, "no-model", "no model to measure");
-        fault.hint("name one with --model; `muslin train` makes it")
-    })?;
-    let model = read_model(&path)?;
+        return Err(fault.hint("name one with --model; `muslin train` makes it"));
+    }
+    let subjects = models.iter().map(|p| Subject::new(p));
+    let subjects = subjects.collect::<Result<Vec<_>, _>>()?;
     let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
     let mut table = Table::new(&[
         "clip",
+        "model",
         "tier",
         "strain J",
         "gap J",
@@ -105,60 +156,54 @@ pub fn garments(
         "crossings",
         "frames",
     ]);
-    let mut rate = String::new();
+    let mut rates = vec![String::new(); subjects.len()];
     for clip in HELD_OUT {
-        rate = one_clip(
-            (&avatar, &model),
-            &data.join(clip),
-            cases.div_ceil(HELD_OUT.len()),
-            &mut table,
-        )?;
+        let n = cases.div_ceil(HELD_OUT.len());
+        for (k, subject) in subjects.iter().enumerate() {
+            let name = clip_name(clip, k == 0);
+            rates[k] = one_clip((&avatar, subject), (&data.join(clip), name), n, &mut table)?;
+        }
     }
-    let bytes = std::fs::metadata(&path).map_or(0, |m| m.len());
-    let note = |n: &str| {
-        model
-            .notes
-            .get(n)
-            .map_or("unknown", String::as_str)
-            .to_owned()
-    };
+    let lines = subjects.iter().zip(rates);
+    let lines: Vec<String> = lines.map(|(s, r)| format!("{}\n{r}", s.told())).collect();
     Ok(format!(
-        "{}\n\n{}: {} in {}, {} vertices, {:.2} MB, {} codes, trained on {}\n{rate}; {}\n\
+        "{}\n\n{}\n{}\n\
          strain: StVK of the reference cloth; gap: stretch, bending and weight in the garment's own \
          fabric above\nthe solver after {CONVERGED} more iterations; crossings and pairs are a frame's mean, by exact predicates",
         table.text(),
-        path.display(),
-        note("garment"),
-        note("fabric"),
-        model.n_verts(),
-        bytes as f64 / 1e6,
-        model.n_codes(),
-        match note("trained_on").split("; ").count() {
-            1 => "one motion".to_owned(),
-            n => format!("{n} motions"),
-        },
+        lines.join("\n"),
         load(),
     ))
 }
 
+/// What a clip is called in the table, where it is named.
+fn clip_name(clip: &str, is_first: bool) -> String {
+    let stem = Path::new(clip).file_stem().unwrap_or_default();
+    match is_first {
+        true => muslin_io::name(Path::new(stem)),
+        false => String::new(),
+    }
+}
+
 fn one_clip(
-    (avatar, model): (&Avatar, &Model),
-    clip: &Path,
+    (avatar, subject): (&Avatar, &Subject),
+    (clip, name): (&Path, String),
     n: usize,
     table: &mut Table,
 ) -> Result<String, Failure> {
-    let set = set((avatar, model), clip)?;
-    let raw = predict(&set, model)?;
+    let (model, (fps, every)) = (&subject.model, subject.rate());
+    let set = set((avatar, model), (clip, fps))?;
+    let raw = predict((&set, model), (1.0, every))?;
     let plain = Model {
         modes: vec![0.0; model.modes.len()],
         ..model.clone()
     };
-    let skinned = predict(&set, &plain)?;
+    let skinned = predict((&set, &plain), (1.0, every))?;
     let all = raw.frames.len();
     let mut tiers: [Tier; 4] = Default::default();
     let frames: Vec<usize> = (0..n).map(|i| (2 * i + 1) * all / (2 * n)).collect();
     let solve = |k: &usize| {
-        let body = set.frame(set.moving.lead + k);
+        let body = set.frame(set.moving.lead + k * every);
         let near = refined(&set, &raw.frames[*k], (&body, REFINE))?;
         let rest = refined(&set, &near.verts, (&body, CONVERGED))?;
         Ok((*k, body, near, rest))
@@ -170,7 +215,6 @@ fn one_clip(
         tiers[2].settled(&set.cloth, &near);
         tiers[3].settled(&set.cloth, &rest);
     }
-    let name = muslin_io::name(Path::new(clip.file_stem().unwrap_or_default()));
     let names = ["skinned", "network", "refined", "minimiser"];
     let inside = [Some(skinned.inside), Some(raw.inside), None, None];
     for (t, (tier, inside)) in tiers.iter().zip(inside).enumerate() {
@@ -179,8 +223,10 @@ fn one_clip(
             .map(|(a, b)| a.iter().sum::<f64>() - b.iter().sum::<f64>())
             .sum();
         let mean = |x: usize| format!("{:.2}", x as f64 / n as f64);
+        let first = |x: String| if t == 0 { x } else { String::new() };
         table.row([
-            if t == 0 { name.clone() } else { String::new() },
+            first(name.clone()),
+            first(subject.name()),
             names[t].to_owned(),
             format!("{:.4}", tier.strain(&set)?),
             format!("{:.4}", gap / n as f64),
@@ -197,10 +243,13 @@ fn one_clip(
     speed((avatar, model), &set)
 }
 
-fn set<'a>((avatar, model): (&'a Avatar, &Model), clip: &Path) -> Result<Set<'a>, Failure> {
+fn set<'a>(
+    (avatar, model): (&'a Avatar, &Model),
+    (clip, fps): (&Path, f64),
+) -> Result<Set<'a>, Failure> {
     let options = SimulateOptions {
         motion: clip.to_string_lossy().into_owned(),
-        fps: LOOKS,
+        fps,
         ..SimulateOptions::default()
     };
     let options = as_trained(model, &options)?;
@@ -273,9 +322,9 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        let fault = garments(None, None, 3).expect_err("no data");
+        let fault = garments(None, &[], 3).expect_err("no data");
         assert_eq!(fault.code, "no-data");
-        let fault = garments(Some(Path::new(".")), None, 3).expect_err("no model");
+        let fault = garments(Some(Path::new(".")), &[], 3).expect_err("no model");
         assert_eq!((fault.code, fault.exit), ("no-model", Exit::Usage));
     }
 }

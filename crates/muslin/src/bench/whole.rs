@@ -118,39 +118,35 @@ pub struct Drapes {
 /// One drape to do.
 struct Case<'a> {
     name: String,
-    garment: usize,
+    /// Where it counts, in [`KINDS`].
+    kind: usize,
+    /// What is worn.
+    options: DressOptions,
     body: u64,
     moment: &'a crowd::Moment,
 }
 
-/// Tee and trousers on random bodies in recorded poses, as many drapes at a time as there are
-/// cores, each on one of them.
+/// Tee and trousers on random bodies in recorded poses, and ten times `cases` random outfits on them,
+/// as many drapes at a time as there are cores, each on one of them.
 pub fn drape(data: Option<&Path>, drapes: &Drapes) -> Result<String, Failure> {
     let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
     let moments = crowd::moments(needed(data)?, drapes.cases)?;
-    let outfits = GARMENTS.map(|garment| {
-        let options = DressOptions {
-            outfit: vec![Wear::parse(garment)],
-            ..Default::default()
-        };
-        Outfit::make(&avatar, &options, |_| {})
-    });
-    let outfits: Vec<Outfit> = outfits.into_iter().collect::<Result<_, _>>()?;
     let cases = all_cases(&moments, drapes);
-    let tallies = Mutex::new(GARMENTS.map(|_| Tally::default()));
+    let tallies = Mutex::new(KINDS.map(|_| Tally::default()));
     in_turns(cases.len(), |turn| {
         let case = &cases[turn];
+        let outfit = Outfit::make(&avatar, &case.options, |_| {});
         let since = Instant::now();
-        let result = one(&avatar, &outfits[case.garment], case, drapes);
+        let result = outfit.and_then(|outfit| one(&avatar, &outfit, case, drapes));
         let mut tallies = tallies.lock().expect("nobody panics holding it");
-        let before = tallies[case.garment].faults();
-        tallies[case.garment].add(&case.name, result, since.elapsed().as_secs_f64());
+        let before = tallies[case.kind].faults();
+        tallies[case.kind].add(&case.name, result, since.elapsed().as_secs_f64());
         let all: Vec<String> = tallies
             .iter()
-            .zip(GARMENTS)
+            .zip(KINDS)
             .map(|(t, g)| t.so_far(g))
             .collect();
-        let faulty = tallies[case.garment].faults() > before;
+        let faulty = tallies[case.kind].faults() > before;
         let name = if faulty { case.name.as_str() } else { "" };
         eprintln!("{}/{}: {}  {name}", turn + 1, cases.len(), all.join("; "));
     });
@@ -158,26 +154,51 @@ pub fn drape(data: Option<&Path>, drapes: &Drapes) -> Result<String, Failure> {
     Ok(format!("{}\n{}", told(tallies), load()))
 }
 
-/// Every garment on every body at every moment, far apart in order.
+/// Every garment on every body at every moment, far apart in order; then random outfits.
 fn all_cases<'a>(moments: &'a [crowd::Moment], drapes: &Drapes) -> Vec<Case<'a>> {
     let n = drapes.cases * drapes.cases;
     let case = |turn: usize| {
-        let (k, garment) = (scattered(turn / GARMENTS.len(), n), turn % GARMENTS.len());
+        let (k, kind) = (scattered(turn / GARMENTS, n), turn % GARMENTS);
         let (body, moment) = (k / drapes.cases, &moments[k % drapes.cases]);
         Case {
-            name: format!("{}, body {body}, {}", GARMENTS[garment], moment.name),
-            garment,
+            name: format!("{}, body {body}, {}", KINDS[kind], moment.name),
+            kind,
+            options: DressOptions {
+                outfit: vec![Wear::parse(KINDS[kind])],
+                ..Default::default()
+            },
             body: body as u64 + 1,
+            moment,
+        }
+    };
+    let random = |k: usize| {
+        let options = crowd::outfit(k as u64 + 1);
+        let wear = |w: &Wear| format!("{}:{}", w.garment, w.fabric.as_deref().unwrap_or("usual"));
+        let worn: Vec<String> = options.outfit.iter().map(wear).collect();
+        let moment = &moments[k % drapes.cases];
+        Case {
+            name: format!(
+                "outfit {k}, {}, {:?}, {}",
+                worn.join("+"),
+                options.cut,
+                moment.name
+            ),
+            kind: GARMENTS,
+            options,
+            body: 1000 + k as u64,
             moment,
         }
     };
     let wanted = |c: &Case<'_>| {
         drapes.only.is_empty() || drapes.only.iter().any(|part| c.name.contains(part))
     };
-    (0..n * GARMENTS.len()).map(case).filter(wanted).collect()
+    let all = (0..n * GARMENTS)
+        .map(case)
+        .chain((0..OUTFITS * drapes.cases).map(random));
+    all.filter(wanted).collect()
 }
 
-fn told(tallies: [Tally; 2]) -> String {
+fn told(tallies: [Tally; 3]) -> String {
     let mut table = Table::new(&[
         "garment",
         "cases",
@@ -190,15 +211,18 @@ fn told(tallies: [Tally; 2]) -> String {
         "worst s",
     ]);
     let mut words = Vec::new();
-    for (garment, mut tally) in GARMENTS.into_iter().zip(tallies) {
+    for (garment, mut tally) in KINDS.into_iter().zip(tallies) {
         table.row(tally.row(garment));
         words.push(tally.words());
     }
     format!("{}\n{}", table.text(), words.join("\n"))
 }
 
-/// What is tried on.
-const GARMENTS: [&str; 2] = ["tee", "trousers"];
+/// What is tried on: two garments on everybody in every pose, then anything.
+const KINDS: [&str; 3] = ["tee", "trousers", "outfits"];
+const GARMENTS: usize = 2;
+/// Random outfits for each of the cases asked for.
+const OUTFITS: usize = 10;
 
 /// The `k`th of `n` in an order that visits all, far apart: a bench that is cut short has seen
 /// every body and every pose.
@@ -250,7 +274,7 @@ fn picture(
     let scene = look::scene(who, outfit, &dressed.drape.frames[0], Backdrop::default());
     let front = look::front(&look::stage(&scene));
     let mut output = Output::open(folder).map_err(|e| file_failure(&e))?;
-    let file = format!("{}.png", name.replace([',', ' '], "-"));
+    let file = format!("{}.png", name.replace([',', ' ', ':', '+'], "-"));
     output
         .add(&file, &png(&front))
         .map_err(|e| file_failure(&e))?;

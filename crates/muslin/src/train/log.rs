@@ -8,7 +8,8 @@ pub struct Log {
     lines: Vec<Told>,
 }
 
-const HEAD: &str = "step,total_J,membrane_J,bend_J,weight_J,contact_J,pins_J,under_percent";
+const HEAD: &str =
+    "step,total_J,membrane_J,bend_J,weight_J,contact_J,pins_J,inertia_J,under_percent";
 
 impl Log {
     /// Adds a step.
@@ -43,7 +44,17 @@ impl Log {
                 .split(',')
                 .map(|x| x.parse().ok())
                 .collect::<Option<_>>()?;
-            let [step, _, membrane, bend, weight, contact, pins, under] = n.try_into().ok()?;
+            let [
+                step,
+                _,
+                membrane,
+                bend,
+                weight,
+                contact,
+                pins,
+                inertia,
+                under,
+            ] = n.try_into().ok()?;
             Some(Told {
                 step: step as u64,
                 energies: Energies {
@@ -52,6 +63,7 @@ impl Log {
                     weight,
                     contact,
                     pins,
+                    inertia,
                 },
                 under: under / 100.0,
             })

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use muslin_body::motions;
 use muslin_train::Plan;
+use muslin_train::published::{Course, System};
 
 use crate::failure::{Exit, Failure};
 use crate::options::{DressOptions, Wear, within};
@@ -11,23 +12,30 @@ use crate::options::{DressOptions, Wear, within};
 /// Options of `train`; the default is what a stranger would want.
 #[derive(Clone, Debug)]
 pub struct TrainOptions {
+    /// The published system that is taught; our own if none.
+    pub system: Option<System>,
     /// Who wears what: one garment.
     pub dress: DressOptions,
     /// Built-in motions, files, or folders of files to learn from.
     pub motion: Vec<String>,
-    /// Poses of the motions that are learnt from, at most.
+    /// Poses of the motions that are learnt from, at most; of a system that learns from poses in time
+    /// windows of them.
     pub poses: usize,
     /// Poses mixed of those of the motions, besides them: where recordings are few, these are what
-    /// makes a garment know arms that it was not shown.
-    pub mixed: usize,
+    /// makes a garment know arms that it was not shown. [`TrainOptions::MIXED`] if not said.
+    pub mixed: Option<usize>,
     /// Motions that are not learnt from but judged at the end.
     pub check: Vec<String>,
     /// Steps of learning.
     pub steps: u64,
-    /// Learnt shapes.
-    pub codes: usize,
-    /// Width of the network's two inner layers.
-    pub width: usize,
+    /// Learnt shapes of our own network; 64 if not said.
+    pub codes: Option<usize>,
+    /// Width of its two inner layers; 128 if not said.
+    pub width: Option<usize>,
+    /// Recurrent layers of SNUG; 4 if not said.
+    pub layers: Option<usize>,
+    /// Share of the samples whose motions NCS exchanges; 0.2 if not said.
+    pub augment: Option<f64>,
     /// Where random numbers start.
     pub seed: u64,
     /// Step size of the network, if not the usual one.
@@ -42,32 +50,108 @@ impl Default for TrainOptions {
             outfit: vec![Wear::parse("tee")],
             ..DressOptions::default()
         };
-        let plan = Plan::default();
         Self {
+            system: None,
             dress,
             motion: motions::NAMES.map(str::to_owned).to_vec(),
             poses: 500,
-            mixed: 900,
+            mixed: None,
             check: Vec::new(),
-            steps: plan.steps,
-            codes: plan.codes,
-            width: plan.hidden[0],
-            seed: plan.seed,
+            steps: Plan::default().steps,
+            codes: None,
+            width: None,
+            layers: None,
+            augment: None,
+            seed: Plan::default().seed,
             rate: None,
             resume: false,
         }
     }
 }
 
+/// The fabric of the published systems, if no other is asked for.
+const PAPER_FABRIC: &str = "paper-snug-cotton";
+
 impl TrainOptions {
+    /// Poses that are mixed if nothing else is said.
+    pub const MIXED: usize = 900;
+
+    /// Whether what is taught learns from poses in time.
+    pub(super) fn is_moving(&self) -> bool {
+        self.system.is_some_and(System::is_moving)
+    }
+
+    /// The same in the fabric of the papers, where a published system is taught.
+    pub(super) fn with_fabric(&self, mut warn: impl FnMut(&str)) -> Self {
+        let mut options = self.clone();
+        let Some(system) = self.system else {
+            return options;
+        };
+        let fabric = &mut options.dress.outfit[0].fabric;
+        if let Some(asked) = fabric.as_ref().filter(|f| *f != PAPER_FABRIC) {
+            let name = system.name();
+            warn(&format!(
+                "{name} learns with its published constants; {asked} is what --refine solves with"
+            ));
+        }
+        fabric.get_or_insert_with(|| PAPER_FABRIC.to_owned());
+        options
+    }
+
+    /// Refuses options of another trainer than the one asked for.
+    fn belongs(&self) -> Result<(), Failure> {
+        let own = self.system.map_or("our own trainer", System::name);
+        let is = |system| self.system == Some(system);
+        let ours = "our own network";
+        let wrong = [
+            (
+                "--codes",
+                self.codes.is_some() && self.system.is_some(),
+                ours,
+            ),
+            (
+                "--width",
+                self.width.is_some() && self.system.is_some(),
+                ours,
+            ),
+            (
+                "--layers",
+                self.layers.is_some() && !is(System::Snug),
+                "snug",
+            ),
+            (
+                "--augment",
+                self.augment.is_some() && !is(System::Ncs),
+                "ncs",
+            ),
+            (
+                "--mixed",
+                self.mixed.is_some() && self.is_moving(),
+                "what learns from single poses",
+            ),
+        ];
+        match wrong.into_iter().find(|w| w.1) {
+            Some((option, _, whose)) => {
+                let what = format!("is for {whose}, and {own} is to be taught");
+                Err(Failure::new(Exit::Usage, "other-trainer", what)
+                    .at(option)
+                    .hint("leave it out; published systems are as published"))
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Refuses numbers out of range and what cannot be taught.
     pub fn check(&self, out: &Path) -> Result<(), Failure> {
         self.dress.check()?;
+        self.belongs()?;
         within("--steps", "", Some(self.steps as f64), (1.0, 1e7))?;
-        within("--codes", "", Some(self.codes as f64), (2.0, 512.0))?;
+        within("--codes", "", self.codes.map(|x| x as f64), (2.0, 512.0))?;
         within("--poses", "", Some(self.poses as f64), (1.0, 1e5))?;
-        within("--mixed", "", Some(self.mixed as f64), (0.0, 1e5))?;
-        within("--width", "", Some(self.width as f64), (4.0, 4096.0))?;
+        within("--mixed", "", self.mixed.map(|x| x as f64), (0.0, 1e5))?;
+        within("--width", "", self.width.map(|x| x as f64), (4.0, 4096.0))?;
+        within("--layers", "", self.layers.map(|x| x as f64), (1.0, 16.0))?;
+        within("--augment", "", self.augment, (0.0, 1.0))?;
         within("--rate", "", self.rate, (1e-6, 0.1))?;
         if self.dress.outfit.len() != 1 {
             let what = format!(
@@ -93,12 +177,67 @@ impl TrainOptions {
     pub(super) fn plan(&self) -> Plan {
         let usual = Plan::default();
         Plan {
-            codes: self.codes,
-            hidden: vec![self.width; 2],
+            codes: self.codes.unwrap_or(usual.codes),
+            hidden: self.width.map_or(usual.hidden, |w| vec![w; 2]),
             steps: self.steps,
             seed: self.seed,
             rate: self.rate.map_or(usual.rate, |r| r as f32),
             ..usual
+        }
+    }
+
+    pub(super) fn course(&self, system: System) -> Course {
+        let usual = Course::of(system);
+        Course {
+            windows: if self.is_moving() {
+                self.poses
+            } else {
+                usize::MAX
+            },
+            rate: self.rate.map_or(usual.rate, |r| r as f32),
+            layers: self.layers.unwrap_or(usual.layers),
+            augmented: self.augment.unwrap_or(usual.augmented),
+            seed: self.seed,
+            ..usual
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn published_systems_wear_the_fabric_of_the_papers_and_say_what_another_is_for() {
+        let mut options = TrainOptions::default();
+        let worn = |o: &TrainOptions| {
+            let mut said = Vec::new();
+            let with = o.with_fabric(|w| said.push(w.to_owned()));
+            (with.dress.outfit[0].fabric.clone(), said)
+        };
+        assert_eq!(worn(&options), (None, Vec::new()));
+        options.system = Some(System::Snug);
+        assert_eq!(worn(&options), (Some(PAPER_FABRIC.into()), Vec::new()));
+        options.dress.outfit[0].fabric = Some("denim".into());
+        let (fabric, said) = worn(&options);
+        assert_eq!(fabric.as_deref(), Some("denim"));
+        assert!(
+            said.len() == 1 && said[0].contains("published constants"),
+            "{said:?}"
+        );
+    }
+
+    #[test]
+    fn windows_are_counted_where_poses_are_learnt_from_in_time() {
+        let mut options = TrainOptions {
+            poses: 40,
+            layers: Some(5),
+            ..TrainOptions::default()
+        };
+        for (system, windows) in [(System::Pbns, usize::MAX), (System::Snug, 40)] {
+            options.system = Some(system);
+            let course = options.course(system);
+            assert_eq!((course.windows, course.layers), (windows, 5));
         }
     }
 }

@@ -168,7 +168,9 @@ fn cantilever(bend: f64, cut: Cut, edge: f64) -> Verdict {
         1.0
     };
     let free = (length / (edge * tall) - 0.5).round() + 0.5;
-    let piece = scenes::strip(DVec2::new(0.025, length * (free + 1.5) / free), edge, cut);
+    let whole = DVec2::new(0.025, length * (free + 1.5) / free);
+    // The edge that gives just so many rows.
+    let piece = scenes::strip(whole, length / (free * tall), cut);
     let cloth = piece.cloth(plain([density, 1000.0, bend]), |i| piece.row[i] <= 2);
     let start = placed(&piece, |p| DVec3::new(p.x, 0.0, -p.y));
     let x = at_rest(&cloth, &start, &scenes::far_away(), STILL);
@@ -303,10 +305,13 @@ fn draping(edges: &[f64]) -> Vec<Verdict> {
 
 /// Ways in which a disc is laid down uneven; the folds it falls into differ from one to the next, as
 /// they do between the specimens that the standard asks for, and what counts is their mean.
-const BREATHS: [DVec2; 3] = [
+const BREATHS: [DVec2; 6] = [
     DVec2::new(40.0, 17.0),
     DVec2::new(-23.0, 31.0),
     DVec2::new(11.0, -47.0),
+    DVec2::new(52.0, -9.0),
+    DVec2::new(-35.0, -38.0),
+    DVec2::new(19.0, 58.0),
 ];
 
 /// Share of the free ring that the draped disc still shades [%].
@@ -375,7 +380,7 @@ mod tests {
     #[test]
     fn a_cantilever_reads_its_fabric_within_a_tenth() {
         holds(&cantilever(3e-5, Cut::Equilateral, 1e-2));
-        holds(&cantilever(1e-5, Cut::Squares, 1e-2));
+        holds(&cantilever(1e-4, Cut::Squares, 5e-3));
     }
 
     #[test]

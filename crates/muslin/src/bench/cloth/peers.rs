@@ -15,7 +15,7 @@ use muslin_io::{Clip, write_file};
 
 use super::super::clock;
 use crate::dress::file_failure;
-use crate::evaluate::evaluate;
+use crate::evaluate::{evaluate, mean};
 use crate::failure::{Exit, Failure};
 use crate::table::Table;
 use contender::{Take, ours, theirs};
@@ -159,10 +159,6 @@ fn median(values: &[f64]) -> f64 {
     }
 }
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
 /// Names beside records, ours first.
 fn named(
     records: &[Record],
@@ -194,7 +190,7 @@ fn times(records: &[Record]) -> String {
         }
         let wall = median(&r.wall);
         let mut row = vec![name.to_owned()];
-        row.extend([wall, mean(&r.wall), median(&r.cpu)].map(|t| format!("{t:.1}")));
+        row.extend([wall, mean(r.wall.iter().copied()), median(&r.cpu)].map(|t| format!("{t:.1}")));
         row.push(format!("{:.1}", wall / ours));
         if let Some(p) = peer {
             row.extend([p.gate, p.goal].map(|x| format!("{x:.1}")));

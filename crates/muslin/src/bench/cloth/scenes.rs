@@ -7,6 +7,8 @@ use glam::{DVec2, DVec3};
 use muslin_energy::{hinge::Bend, membrane::Stretch};
 use muslin_sim::{Cloth, Material, Options, State, Walk, drape, simulate};
 
+use crate::drape::STRIP;
+
 /// How a strip is cut into triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cut {
@@ -43,8 +45,8 @@ pub fn plain([density, stretch, bend]: [f64; 3]) -> Material {
             compression: 1.0,
         },
         bend: Bend {
-            warp: bend,
-            weft: bend,
+            warp: STRIP * bend,
+            weft: STRIP * bend,
         },
         limit: None,
         friction: 0.3,
@@ -256,7 +258,7 @@ pub fn drum(radius: f64, top: f64) -> Still {
 }
 
 /// Stiffness of the clamp that holds a sample, per vertex [N/m].
-const CLAMP: f64 = 100.0;
+const CLAMP: f64 = 1e4;
 
 /// The cloth at rest under its weight, from `start`; no vertex then moves faster than `still` [m/s].
 pub fn at_rest(cloth: &Cloth, start: &[DVec3], on: &Still, still: f64) -> Vec<DVec3> {

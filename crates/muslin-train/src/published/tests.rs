@@ -1,0 +1,291 @@
+//! Whole steps of the three systems on a coarse shirt.
+
+use std::sync::LazyLock;
+
+use glam::DVec3;
+use muslin_body::Motion;
+
+use super::clips::{Batch, Frame};
+use super::net::Chance;
+use super::work::Work;
+use super::{Course, Published, System};
+use crate::lanes::Row;
+use crate::testing::Class;
+use crate::{Lesson, Training};
+
+static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
+const ALL: [System; 3] = [System::Pbns, System::Snug, System::Ncs];
+
+/// A trainer of a short piece of the wave.
+fn trainer(course: Course) -> Published<'static> {
+    let class = &*CLASS;
+    let lesson = Lesson {
+        avatar: &class.avatar,
+        figure: &class.figure,
+        cloth: &class.cloth,
+        template: &class.template,
+        weights: &class.weights,
+    };
+    let motion = Motion {
+        fps: 25.0,
+        poses: class.poses[10..27].to_vec(),
+    };
+    let course = Course {
+        fps: 25.0,
+        body: vec![0.5, 0.1],
+        ..course
+    };
+    Published::new(lesson, course, vec![motion]).expect("enough poses")
+}
+
+/// A batch, and chance that changes nothing.
+fn batch(trainer: &Published) -> Batch {
+    let ends = std::array::from_fn(|lane| trainer.clips.windows[(7 * lane) % 17]);
+    trainer.watched().batch(&trainer.clips, ends)
+}
+
+fn work(trainer: &Published, batch: &Batch, chance: &Chance) -> Work {
+    trainer.work((&trainer.clips, batch), chance)
+}
+
+/// A trainer that has taken `steps` small steps.
+fn after(steps: usize, system: System) -> Published<'static> {
+    let mut trainer = trainer(Course {
+        rate: 2e-4,
+        ..Course::of(system)
+    });
+    for _ in 0..steps {
+        trainer.step().expect("finite");
+    }
+    trainer
+}
+
+/// The slope along the gradient within `span` of the parameters, by central differences, over what
+/// the gradient says.
+fn ratio(trainer: &mut Published, batch: &Batch, span: std::ops::Range<usize>) -> f64 {
+    let chance = Chance::default();
+    let slopes = work(trainer, batch, &chance).slopes;
+    let gradient = &slopes[span.clone()];
+    let norm = gradient
+        .iter()
+        .map(|g| f64::from(*g).powi(2))
+        .sum::<f64>()
+        .sqrt();
+    let step = 2e-3 / norm;
+    let old = trainer.now.params.clone();
+    let mut at = |sign: f64| {
+        let moved = trainer.now.params[span.clone()].iter_mut().zip(gradient);
+        moved.for_each(|(p, g)| *p += (sign * step * f64::from(*g)) as f32);
+        let cost = work(trainer, batch, &chance).energies.total();
+        trainer.now.params.clone_from(&old);
+        cost
+    };
+    (at(1.0) - at(-1.0)) / (2.0 * step * norm * norm)
+}
+
+#[test]
+fn the_gradients_are_those_of_the_cost_in_the_network_and_in_the_shapes() {
+    for system in ALL {
+        let mut trainer = after(3, system);
+        trainer.sheet.pins = vec![3, 7];
+        // Without mass: inertia takes the poses before as they are, and is asked on its own below.
+        trainer.sheet.mass.fill(0.0);
+        let batch = batch(&trainer);
+        let (n, all) = (trainer.encoder.n_params(), trainer.now.params.len());
+        for span in [0..n, n..all] {
+            let ratio = ratio(&mut trainer, &batch, span.clone());
+            assert!((ratio - 1.0).abs() < 0.03, "{system:?} {span:?}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn every_part_of_the_moving_encoder_has_the_slopes_of_the_cost() {
+    let mut trainer = after(3, System::Ncs);
+    trainer.sheet.mass.fill(0.0);
+    let batch = batch(&trainer);
+    let muslin_model::Encoder::Ncs(net) = trainer.encoder.clone() else {
+        panic!("a network of NCS")
+    };
+    let mut start = 0;
+    for (part, end) in net.ends().into_iter().enumerate() {
+        let ratio = ratio(&mut trainer, &batch, start..end);
+        assert!((ratio - 1.0).abs() < 0.05, "part {part}: {ratio}");
+        start = end;
+    }
+}
+
+#[test]
+fn weight_and_inertia_pull_as_their_energies_say_with_the_past_as_it_is() {
+    let mut trainer = after(3, System::Snug);
+    trainer.sheet.patches.clear();
+    trainer.sheet.hinges.clear();
+    let batch = batch(&trainer);
+    let first = work(&trainer, &batch, &Chance::default());
+    assert!(first.energies.inertia > 1e-6, "{:?}", first.energies);
+    // The constant shape moves all poses alike: of inertia it feels the last pose's part alone.
+    let codes = trainer.encoder.n_codes() + 1;
+    let v = 40;
+    let rows = trainer.encoder.n_params() + 3 * v * codes;
+    let felt = |w: &Work| {
+        let entry = |axis: usize| f64::from(w.slopes[rows + axis * codes + codes - 1]);
+        DVec3::new(entry(0), entry(1), entry(2))
+    };
+    let masses = std::mem::take(&mut trainer.sheet.mass);
+    trainer.sheet.mass = vec![0.0; masses.len()];
+    let own = felt(&first) - felt(&work(&trainer, &batch, &Chance::default()));
+    let (mass, rate) = (f64::from(masses[v]), 25.0 * 25.0);
+    let places = trainer.positions(&batch, &Chance::default());
+    let mut want = DVec3::ZERO;
+    for lane in 0..16 {
+        let x = [0, 1, 2].map(|f| place(&places, (f, lane), v));
+        let root = DVec3::from_array(batch.root.map(|r| f64::from(r[lane])));
+        let change = x[2] - 2.0 * x[1] + x[0] + root;
+        for f in 0..3 {
+            let inertia = if f == 2 {
+                change * (mass * rate / 16.0)
+            } else {
+                DVec3::ZERO
+            };
+            let weight = DVec3::Y * (mass * 9.81 / 48.0);
+            let frame = (&batch.frames[f], lane);
+            want += turned_back(&trainer, frame, v, inertia + weight);
+        }
+    }
+    assert!(own.distance(want) < 2e-3 * mass, "{own} against {want}");
+}
+
+#[test]
+fn from_samples_whose_motions_change_places_the_decoder_alone_learns() {
+    let trainer = after(2, System::Ncs);
+    let batch = batch(&trainer);
+    let chance = Chance {
+        order: (1..16).chain([0]).collect(),
+        ..Chance::default()
+    };
+    let mixed = work(&trainer, &batch, &chance);
+    let plain = work(&trainer, &batch, &Chance::default());
+    let muslin_model::Encoder::Ncs(net) = &trainer.encoder else {
+        panic!("a network of NCS")
+    };
+    let [.., encoders, _] = net.ends();
+    let moves = |w: &Work, span: std::ops::Range<usize>| w.slopes[span].iter().any(|g| *g != 0.0);
+    assert!(!moves(&mixed, 0..encoders) && moves(&plain, 0..encoders));
+    assert!(moves(&mixed, encoders..trainer.encoder.n_params()));
+    assert_eq!(mixed.energies.inertia, 0.0);
+    assert!(plain.energies.inertia > 0.0);
+    assert!(mixed.energies.membrane != plain.energies.membrane);
+}
+
+#[test]
+fn a_few_steps_lower_what_a_motion_costs_and_the_model_is_whole() {
+    for (system, steps) in [(System::Pbns, 14), (System::Snug, 8), (System::Ncs, 8)] {
+        let rate = if system == System::Snug { 1e-4 } else { 1e-3 };
+        let mut trainer = trainer(Course {
+            rate,
+            ..Course::of(system)
+        });
+        let batch = batch(&trainer);
+        let costs = |t: &Published| work(t, &batch, &Chance::default()).energies.membrane;
+        let first = costs(&trainer);
+        for _ in 0..steps {
+            trainer.step().expect("finite");
+        }
+        let last = costs(&trainer);
+        assert!(last < 0.8 * first, "{system:?}: {first} {last}");
+        let told = trainer.judge(&trainer.clips.motions[0]);
+        let other = told.energies.membrane;
+        assert!(
+            other > 0.5 * last && other < 2.0 * last,
+            "{system:?}: {told:?}"
+        );
+        let model = trainer.model(Default::default());
+        assert_eq!(model.check(), Ok(()));
+        assert_eq!(model.encoder.name(), system.name());
+        assert_eq!(model.encoder.is_moving(), system.is_moving());
+    }
+}
+
+#[test]
+fn a_resumed_training_gives_the_bits_of_an_unbroken_one_on_any_number_of_threads() {
+    for system in ALL {
+        let run = |threads: usize, stop: u64| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.expect("threads").install(|| {
+                let mut first = trainer(Course::of(system));
+                while first.steps() < stop {
+                    first.step().expect("finite");
+                }
+                let mut again = trainer(Course::of(system));
+                again.restore(&first.keep()).expect("of the same training");
+                while again.steps() < 3 {
+                    again.step().expect("finite");
+                }
+                again.keep()
+            })
+        };
+        let whole = run(1, 3);
+        assert!(run(3, 1) == whole, "{system:?}");
+        let mut other = trainer(Course {
+            seed: 2,
+            ..Course::of(system)
+        });
+        assert!(other.restore(&whole).is_err());
+    }
+}
+
+#[test]
+fn what_is_not_a_number_is_skipped_a_few_times_and_then_named() {
+    let mut trainer = after(1, System::Pbns);
+    let at = trainer.encoder.n_params() + 5 * 3 * 32;
+    trainer.now.params[at..at + 32].fill(f32::NAN);
+    let before = trainer.now.adam.clone();
+    let faults: Vec<bool> = (0..6).map(|_| trainer.step().is_err()).collect();
+    assert_eq!(faults, [false, false, false, false, false, true]);
+    assert!(
+        trainer.now.adam == before,
+        "nothing is learnt from such a batch"
+    );
+    let fault = trainer.step().expect_err("it stays so").to_string();
+    assert!(fault.contains("vertex 5"), "{fault}");
+}
+
+#[test]
+fn what_is_played_is_what_was_learnt() {
+    for system in ALL {
+        let trainer = after(2, system);
+        let model = trainer.model(Default::default());
+        let mut player = muslin_model::Player::new(&model, &CLASS.avatar).expect("its bones");
+        player.begin(1.0 / 25.0);
+        // From the first pose of the clip, so that windows and stream know the same past.
+        let poses = &trainer.clips.motions[0].poses[..3];
+        let mut out = vec![[0.0; 3]; model.n_verts()];
+        for pose in poses {
+            let bones = CLASS.avatar.bones(&CLASS.figure, pose);
+            player.frame(pose, &bones, &mut out);
+        }
+        let batch = trainer.watched().batch(&trainer.clips, [[0, 2]; 16]);
+        let last = batch.frames.len() - 1;
+        let places = trainer.positions(&batch, &Chance::default());
+        for (v, got) in out.iter().enumerate() {
+            let got = DVec3::from_array(got.map(f64::from)) - poses[2].root;
+            let want = place(&places, (last, 0), v);
+            assert!(got.distance(want) < 5e-5, "{system:?} {v}: {got} {want}");
+        }
+    }
+}
+
+/// Where a vertex is in one decoded pose of one window [m].
+fn place(x: &[Vec<Row>], (frame, lane): (usize, usize), v: usize) -> DVec3 {
+    let row = |axis: usize| f64::from(x[frame][3 * v + axis][lane]);
+    DVec3::new(row(0), row(1), row(2))
+}
+
+/// A force on it in the rest frame.
+fn turned_back(trainer: &Published, (frame, lane): (&Frame, usize), v: usize, f: DVec3) -> DVec3 {
+    let one = |(b, w): (usize, f32)| {
+        let a = frame.bones[b].map(|row| f64::from(row[lane]));
+        glam::DMat3::from_cols_slice(&a[..9]).transpose() * f * f64::from(w)
+    };
+    trainer.skin.row(v).map(one).sum()
+}

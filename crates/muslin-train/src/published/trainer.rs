@@ -1,0 +1,309 @@
+//! The trainer of the published systems: windows, prediction, losses, and Adam.
+
+use std::collections::BTreeMap;
+
+use muslin_body::Motion;
+use muslin_model::{Encoder, Model, Skin, Stream};
+use muslin_net::Weights;
+use muslin_net::learn::{Adam, AdamState, Noise};
+
+use super::clips::{Clips, Span, Watched};
+use super::net::{self, Chance};
+use super::recipe::{NCS_WINDOW, System, sizes};
+use super::sheet::Sheet;
+use crate::body::Skinned;
+use crate::lanes::LANES;
+use crate::lesson::Lesson;
+use crate::prepare::{drivers, follow};
+use crate::training::{Training, fault, fingerprint, left_out};
+use crate::{Told, TrainError};
+
+/// How a published system is taught. The defaults are the published ones.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Course {
+    /// Which system.
+    pub system: System,
+    /// Poses a second of the motions [1/s].
+    pub fps: f64,
+    /// Windows that are learnt from, at most.
+    pub windows: usize,
+    /// Adam's step size.
+    pub rate: f32,
+    /// Recurrent layers of SNUG.
+    pub layers: usize,
+    /// NCS: share of a batch whose motions change places, from which the decoder alone learns.
+    pub augmented: f64,
+    /// What SNUG is told of the body's shape.
+    pub body: Vec<f32>,
+    /// Where random numbers start.
+    pub seed: u64,
+}
+
+impl Course {
+    /// As published.
+    pub fn of(system: System) -> Self {
+        Self {
+            system,
+            fps: 30.0,
+            windows: usize::MAX,
+            rate: 1e-3,
+            layers: 4,
+            augmented: 0.2,
+            body: Vec::new(),
+            seed: 1,
+        }
+    }
+
+    /// How long its windows are.
+    pub(crate) fn span(&self) -> Span {
+        let decoded = self.system.recipe().decoded;
+        match self.system {
+            System::Pbns => Span {
+                lead: 0,
+                told: 1,
+                decoded,
+            },
+            // The first pose's velocity needs the pose before.
+            System::Snug => Span {
+                lead: 1,
+                told: 3,
+                decoded,
+            },
+            System::Ncs => {
+                let (seconds, more) = NCS_WINDOW;
+                let all = (seconds * self.fps).ceil() as usize + more;
+                Span {
+                    lead: 2,
+                    told: all - 2,
+                    decoded,
+                }
+            }
+        }
+    }
+}
+
+/// A published system that learns.
+pub struct Published<'a> {
+    pub(crate) lesson: Lesson<'a>,
+    pub(crate) course: Course,
+    pub(crate) body: Skinned<'a>,
+    pub(crate) clips: Clips,
+    pub(crate) sheet: Sheet,
+    pub(crate) skin: Skin,
+    pub(crate) template: Vec<[f32; 3]>,
+    pub(crate) encoder: Encoder,
+    bones: Vec<String>,
+    drivers: Vec<String>,
+    stream: Stream,
+    rig: Vec<usize>,
+    pub(crate) now: Now,
+}
+
+/// All that changes from step to step.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Now {
+    pub step: u64,
+    pub noise: Noise,
+    /// The network's, then the learnt shapes: a row for every coordinate of every vertex.
+    pub params: Vec<f32>,
+    pub adam: AdamState,
+    /// Windows yet to come in this round, last first.
+    pub queue: Vec<u32>,
+    /// Batches in a row that were not finite.
+    pub bad: u64,
+}
+
+impl<'a> Published<'a> {
+    /// Gets ready to learn from `motions`, whose rate is the course's.
+    ///
+    /// All learnt shapes start at zero, so that the first prediction is the skinned garment.
+    pub fn new(
+        lesson: Lesson<'a>,
+        course: Course,
+        motions: Vec<Motion>,
+    ) -> Result<Self, TrainError> {
+        let clips = Clips::new(motions, course.windows);
+        if clips.windows.len() < LANES {
+            return Err(TrainError::FewPoses(clips.windows.len(), LANES));
+        }
+        let recipe = course.system.recipe();
+        let sheet = Sheet::new(recipe, lesson.cloth, lesson.template)?;
+        let (rig, skin) = follow(&lesson)?;
+        let name = |b: &usize| lesson.avatar.rig().bones[*b].name.clone();
+        let driving = drivers(&lesson, clips.motions.iter().flat_map(|m| &m.poses));
+        let joint = |b: &usize| lesson.figure.joints[*b].as_vec3().to_array();
+        let joints = driving.iter().map(joint).collect();
+        let shape = (joints, course.body.clone(), course.layers);
+        let encoder = net::encoder(course.system, shape);
+        let drivers: Vec<String> = driving.iter().map(name).collect();
+        let mut stream = Stream::new(&encoder, &drivers, lesson.avatar)?;
+        stream.begin(1.0 / course.fps);
+        let mut noise = Noise::new(course.seed);
+        let mut params = net::start(&encoder, &mut noise);
+        let codes = encoder.n_codes() + usize::from(recipe.has_constant);
+        params.resize(params.len() + 3 * lesson.template.len() * codes, 0.0);
+        Ok(Self {
+            now: Now {
+                step: 0,
+                noise,
+                params,
+                adam: AdamState::default(),
+                queue: Vec::new(),
+                bad: 0,
+            },
+            body: Skinned::new((lesson.avatar, lesson.figure), lesson.template),
+            bones: rig.iter().map(name).collect(),
+            template: (lesson.template.iter())
+                .map(|p| p.as_vec3().to_array())
+                .collect(),
+            lesson,
+            course,
+            clips,
+            sheet,
+            skin,
+            encoder,
+            drivers,
+            stream,
+            rig,
+        })
+    }
+
+    /// How many windows there are to learn from.
+    pub fn n_windows(&self) -> usize {
+        self.clips.windows.len()
+    }
+
+    /// What the bits of the training depend on, in one line.
+    pub(crate) fn identity(&self) -> String {
+        let poses = self.clips.motions.iter().flat_map(|m| &m.poses);
+        let course = &self.course;
+        format!("{} {course:?}", fingerprint(&self.lesson, poses))
+    }
+
+    /// Windows ready to be worked on.
+    pub(crate) fn watched(&self) -> Watched<'_> {
+        Watched {
+            body: &self.body,
+            stream: &self.stream,
+            rig: &self.rig,
+            n_inputs: self.encoder.n_inputs(self.drivers.len()),
+            span: self.course.span(),
+        }
+    }
+
+    /// The ends of the next sixteen windows; every window comes once a round, but for those that
+    /// do not fill a batch.
+    fn choose(&mut self) -> [[u32; 2]; LANES] {
+        let now = &mut self.now;
+        if now.queue.len() < LANES {
+            now.queue = (0..self.clips.windows.len() as u32).collect();
+            now.noise.shuffle(&mut now.queue);
+        }
+        let lot = now.queue.split_off(now.queue.len() - LANES);
+        std::array::from_fn(|lane| self.clips.windows[lot[lane] as usize])
+    }
+
+    fn chance(&mut self) -> Chance {
+        let noise = &mut self.now.noise;
+        match &self.encoder {
+            Encoder::Snug(s) => {
+                let mut state = |n: usize| {
+                    let all = noise.normals(n * LANES).into_iter();
+                    all.map(|x| x * sizes::SNUG_STATE as f32).collect()
+                };
+                Chance {
+                    states: s.layers().map(|l| state(l.size)).collect(),
+                    ..Chance::default()
+                }
+            }
+            Encoder::Ncs(_) => {
+                let n = (self.course.augmented * LANES as f64) as usize;
+                let mut order: Vec<usize> = (0..n).collect();
+                noise.shuffle(&mut order);
+                Chance {
+                    order,
+                    ..Chance::default()
+                }
+            }
+            Encoder::Plain(_) | Encoder::Pbns(_) => Chance::default(),
+        }
+    }
+}
+
+impl Training for Published<'_> {
+    fn steps(&self) -> u64 {
+        self.now.step
+    }
+
+    fn step(&mut self) -> Result<Told, TrainError> {
+        let ends = self.choose();
+        let chance = self.chance();
+        let batch = self.watched().batch(&self.clips, ends);
+        let work = self.work((&self.clips, &batch), &chance);
+        self.now.step += 1;
+        let told = Told {
+            step: self.now.step,
+            energies: work.energies,
+            under: work.under,
+        };
+        if let Some(vertex) = work.broken {
+            let fault = fault(&work.energies, vertex, self.now.step);
+            return left_out(&mut self.now.bad, fault, told);
+        }
+        self.now.bad = 0;
+        let adam = Adam {
+            rate: self.course.rate,
+            ..Adam::default()
+        };
+        adam.step(&mut self.now.adam, &mut self.now.params, &work.slopes);
+        Ok(told)
+    }
+
+    fn judge(&self, motion: &Motion) -> Told {
+        let clips = Clips::new(vec![motion.clone()], usize::MAX);
+        let n = clips.windows.len();
+        if n == 0 {
+            return Told::default();
+        }
+        let ends = std::array::from_fn(|lane| clips.windows[lane * n / LANES]);
+        let batch = self.watched().batch(&clips, ends);
+        let work = self.work((&clips, &batch), &Chance::default());
+        Told {
+            step: self.now.step,
+            energies: work.energies,
+            under: work.under,
+        }
+    }
+
+    fn model(&self, notes: BTreeMap<String, String>) -> Model {
+        let (network, shapes) = self.now.params.split_at(self.encoder.n_params());
+        let codes = self.encoder.n_codes();
+        let own = codes + usize::from(self.course.system.recipe().has_constant);
+        let mut modes = Vec::with_capacity(shapes.len() / own * (codes + 1));
+        for row in shapes.chunks_exact(own) {
+            modes.extend_from_slice(row);
+            modes.resize(modes.len() + codes + 1 - own, 0.0);
+        }
+        Model {
+            notes,
+            faces: self.lesson.cloth.faces.clone(),
+            template: self.template.clone(),
+            bones: self.bones.clone(),
+            skin: self.skin.clone(),
+            drivers: self.drivers.clone(),
+            scale: vec![[0.0, 1.0]; self.encoder.n_inputs(self.drivers.len())],
+            encoder: self.encoder.clone(),
+            params: network.to_vec(),
+            modes,
+        }
+    }
+
+    fn keep(&self) -> Weights {
+        super::state::keep(self)
+    }
+
+    fn restore(&mut self, kept: &Weights) -> Result<(), TrainError> {
+        self.now = super::state::restored(self, kept)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,276 @@
+//! One batch: prediction, losses, and the way back to the parameters.
+
+use glam::DVec3;
+use muslin_net::learn::{View, multiply};
+use rayon::prelude::*;
+
+use super::clips::{Batch, Clips, Frame};
+use super::laws;
+use super::net::{self, Chance, Tape};
+use super::trainer::Published;
+use crate::lanes::{LANES, Lane, Row, Vec3};
+use crate::laws::G;
+use crate::skin;
+use crate::trainer::Energies;
+
+/// What a batch gives.
+#[derive(Default)]
+pub(crate) struct Work {
+    /// `∂/∂params` of the mean cost of a pose; empty where something is not finite.
+    pub slopes: Vec<f32>,
+    pub energies: Energies,
+    pub under: f64,
+    /// The first vertex whose gradient is not finite.
+    pub broken: Option<usize>,
+}
+
+/// What the network makes of a batch, for every decoded pose.
+struct Guess {
+    /// Codes (codes × lanes).
+    codes: Vec<Vec<f32>>,
+    tape: Tape,
+    /// Corrections at rest and positions [m].
+    rest: Vec<Vec<Row>>,
+    x: Vec<Vec<Row>>,
+}
+
+/// What the still laws say of one pose of every window.
+struct Asked {
+    energies: Energies,
+    under: f64,
+    /// Gradient in the world, and that in the rest frame of what pins hold [N].
+    g: Vec<Row>,
+    held: Vec<(u32, Vec3)>,
+}
+
+impl Published<'_> {
+    /// Predicts, asks the laws, and goes back as far as the parameters.
+    pub(crate) fn work(&self, (clips, batch): (&Clips, &Batch), chance: &Chance) -> Work {
+        let recipe = self.course.system.recipe();
+        let guess = self.guess(batch, chance);
+        if let Some(vertex) = guess.x.iter().find_map(|x| broken(x)) {
+            let energies = Energies {
+                membrane: f64::NAN,
+                ..Energies::default()
+            };
+            return Work {
+                energies,
+                broken: Some(vertex),
+                ..Work::default()
+            };
+        }
+        let first = batch.frames.len() - recipe.judged;
+        let judged = first..batch.frames.len();
+        let mut asked: Vec<Asked> = judged
+            .into_par_iter()
+            .map(|f| self.ask((clips, &batch.frames[f]), (&guess.x[f], &guess.rest[f])))
+            .collect();
+        let share = 1.0 / recipe.judged as f64;
+        let mut work = Work::default();
+        for a in &mut asked {
+            work.energies.add(&a.energies, share);
+            work.under += share * a.under;
+            let share = share as f32 / LANES as f32;
+            a.g.as_flattened_mut().iter_mut().for_each(|g| *g *= share);
+            a.held.iter_mut().for_each(|h| h.1 = h.1 * share);
+        }
+        if recipe.has_inertia {
+            let last = &mut asked.last_mut().expect("a pose is judged").g;
+            work.energies.inertia = self.inertia(batch, &guess.x, (last, chance.order.len()));
+        }
+        work.broken = asked.iter().find_map(|a| broken(&a.g));
+        if work.broken.is_none() {
+            self.slopes(
+                &batch.frames[first..],
+                (&guess, &mut asked),
+                &mut work.slopes,
+            );
+        }
+        work
+    }
+
+    /// What the network makes of a batch.
+    fn guess(&self, batch: &Batch, chance: &Chance) -> Guess {
+        let (network, modes) = self.now.params.split_at(self.encoder.n_params());
+        let told = (batch.told.as_slice(), batch.frames.len());
+        let (mut codes, tape) = net::forward(&self.encoder, network, told, chance);
+        if self.course.system.recipe().has_constant {
+            codes.iter_mut().for_each(|c| c.extend([1.0; LANES]));
+        }
+        let (rows, k) = (3 * self.template.len(), codes[0].len() / LANES);
+        let shaped = |codes: &Vec<f32>| {
+            let mut d = vec![[0.0; LANES]; rows];
+            let (modes, codes) = (View::new(modes, rows, k), View::new(codes, k, LANES));
+            multiply(d.as_flattened_mut(), 0.0, modes, codes);
+            d
+        };
+        let rest: Vec<Vec<Row>> = codes.iter().map(shaped).collect();
+        let x = (rest.par_iter().zip(&batch.frames))
+            .map(|(d, frame)| self.carry(frame, d))
+            .collect();
+        Guess {
+            codes,
+            tape,
+            rest,
+            x,
+        }
+    }
+
+    /// From the gradients of the judged `frames`, the last ones, to those of the parameters.
+    fn slopes(
+        &self,
+        frames: &[Frame],
+        (guess, asked): (&Guess, &mut [Asked]),
+        slopes: &mut Vec<f32>,
+    ) {
+        slopes.resize(self.now.params.len(), 0.0);
+        let (network, modes) = self.now.params.split_at(self.encoder.n_params());
+        let (d_network, d_modes) = slopes.split_at_mut(network.len());
+        let first = guess.codes.len() - frames.len();
+        let (rows, k) = (3 * self.template.len(), guess.codes[0].len() / LANES);
+        let mut d_codes = Vec::new();
+        for ((a, frame), codes) in asked.iter_mut().zip(frames).zip(&guess.codes[first..]) {
+            self.bring_back(frame, a);
+            let g = View::new(a.g.as_flattened(), rows, LANES);
+            multiply(d_modes, 1.0, g, View::new(codes, k, LANES).transposed());
+            let mut d = vec![0.0; k * LANES];
+            let modes = View::new(modes, rows, k);
+            multiply(&mut d, 0.0, modes.transposed(), g);
+            d.truncate(self.encoder.n_codes() * LANES);
+            d_codes.push(d);
+        }
+        net::backward(
+            (&self.encoder, network),
+            &guess.tape,
+            &mut d_codes,
+            d_network,
+        );
+    }
+
+    #[cfg(test)]
+    pub(crate) fn positions(&self, batch: &Batch, chance: &Chance) -> Vec<Vec<Row>> {
+        self.guess(batch, chance).x
+    }
+
+    /// From corrections at rest to positions in the poses.
+    fn carry(&self, frame: &Frame, d: &[Row]) -> Vec<Row> {
+        let mut x = vec![[0.0; LANES]; d.len()];
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || {
+                for v in 0..self.template.len() {
+                    let a = skin::blend(&self.skin, v, &frame.bones);
+                    let (t, d) = (self.template[v], Vec3::of(d, v as u32));
+                    let p = Vec3([0, 1, 2].map(|i| d.0[i] + t[i]));
+                    skin::carry(&a, p).put(&mut x, v as u32);
+                }
+            },
+        );
+        x
+    }
+
+    /// From a gradient in the world to one in the rest frame, in place.
+    fn bring_back(&self, frame: &Frame, asked: &mut Asked) {
+        for v in 0..self.template.len() as u32 {
+            let a = skin::blend(&self.skin, v as usize, &frame.bones);
+            skin::bring_back(&a, Vec3::of(&asked.g, v)).put(&mut asked.g, v);
+        }
+        for (v, force) in &asked.held {
+            force.add_to(&mut asked.g, *v);
+        }
+    }
+
+    /// The still laws at positions `x`, which come of the corrections `d`.
+    fn ask(&self, (clips, frame): (&Clips, &Frame), (x, d): (&[Row], &[Row])) -> Asked {
+        let walls = self.walls(clips, frame, x);
+        pulp::Arch::new().dispatch(
+            #[inline(always)]
+            || self.sum(&walls, x, d),
+        )
+    }
+
+    #[inline(always)]
+    fn sum(&self, walls: &[[Row; 4]], x: &[Row], d: &[Row]) -> Asked {
+        let (recipe, sheet) = (self.course.system.recipe(), &self.sheet);
+        let mut g = vec![[0.0; LANES]; x.len()];
+        let stretch = laws::stretch(recipe, sheet, x, &mut g);
+        let bend = laws::bend(recipe, sheet, x, &mut g);
+        let [mut weight, mut contact, mut pins] = [Lane::all(0.0); 3];
+        let mut under = Lane::all(0.0);
+        for v in 0..self.template.len() {
+            let here = Vec3::of(x, v as u32);
+            let mut force = Vec3::of(&g, v as u32);
+            let heavy = sheet.mass[v] * G;
+            force.0[1] += Lane::all(heavy);
+            weight += here.0[1] * heavy;
+            let [nx, ny, nz, offset] = walls[v].map(Lane);
+            let normal = Vec3([nx, ny, nz]);
+            let gap = normal.dot(here) - offset;
+            let [energy, slope] = recipe.touch.at(gap);
+            contact += energy;
+            force += normal.times(slope);
+            under += gap.choose_below(0.0, 1.0, 0.0);
+            force.put(&mut g, v as u32);
+        }
+        let mut held = Vec::new();
+        for &v in &sheet.pins {
+            let off = Vec3::of(d, v);
+            pins += off.dot(off) * recipe.pin;
+            held.push((v, off * (2.0 * recipe.pin)));
+        }
+        let mean = |s: Lane| s.sum() / LANES as f64;
+        Asked {
+            energies: Energies {
+                membrane: mean(stretch),
+                bend: mean(bend),
+                weight: mean(weight),
+                contact: mean(contact),
+                pins: mean(pins),
+                inertia: 0.0,
+            },
+            under: mean(under) / self.template.len() as f64,
+            g,
+            held,
+        }
+    }
+
+    /// The wall at every vertex: normal and offset of the nearest skin, by exact distance.
+    fn walls(&self, clips: &Clips, frame: &Frame, x: &[Row]) -> Vec<[Row; 4]> {
+        let one = |lane: usize| {
+            let skin = clips.skin(&self.body, frame.at[lane]);
+            let place = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
+            let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(place).collect();
+            self.body.walls(skin, &x)
+        };
+        let lanes: Vec<Vec<[f32; 4]>> = (0..LANES).into_par_iter().map(one).collect();
+        let of = |v: usize| [0, 1, 2, 3].map(|c| std::array::from_fn(|l| lanes[l][v][c]));
+        (0..self.template.len()).map(of).collect()
+    }
+
+    /// `m/(2 Δt²) |x_t − (2 x_{t−1} − x_{t−2})|²` [J], the poses before taken as they are; adds its
+    /// gradient. The first lanes have none.
+    fn inertia(&self, batch: &Batch, x: &[Vec<Row>], (g, without): (&mut [Row], usize)) -> f64 {
+        let rate = (self.course.fps * self.course.fps) as f32;
+        let mut counts = Lane::all(1.0);
+        counts.0[..without].fill(0.0);
+        // A mean over those that have one, as published.
+        let counted = (LANES - without).max(1) as f32;
+        let [two, one, now] = [3, 2, 1].map(|back| &x[x.len() - back]);
+        let root = Vec3(batch.root.map(Lane));
+        let mut energy = Lane::all(0.0);
+        for v in 0..self.template.len() as u32 {
+            let (a, b, c) = (Vec3::of(two, v), Vec3::of(one, v), Vec3::of(now, v));
+            let change = ((c - b) - (b - a) + root).times(counts);
+            let k = self.sheet.mass[v as usize] * rate;
+            energy += change.dot(change) * (0.5 * k);
+            (change * (k / counted)).add_to(g, v);
+        }
+        energy.sum() / f64::from(counted)
+    }
+}
+
+/// The first vertex that is not finite.
+fn broken(x: &[Row]) -> Option<usize> {
+    let sound = |row: &Row| row.iter().all(|x| x.is_finite());
+    x.iter().position(|row| !sound(row)).map(|at| at / 3)
+}

@@ -1,0 +1,81 @@
+//! What trainings have in common.
+
+use std::collections::BTreeMap;
+
+use muslin_body::{Motion, Pose};
+use muslin_model::Model;
+use muslin_net::Weights;
+
+use crate::{Energies, Lesson, Told, TrainError};
+
+/// Batches in a row that may fail before a training does.
+const MOST_BAD: u64 = 5;
+
+/// Something that learns step by step, and can be kept and gone on with to the same bits.
+pub trait Training {
+    /// Steps taken so far.
+    fn steps(&self) -> u64;
+
+    /// Learns from the next poses. A batch that is not finite is left out; six in a row are an
+    /// error.
+    fn step(&mut self) -> Result<Told, TrainError>;
+
+    /// What a motion costs that need not be learnt from, by poses evenly taken.
+    fn judge(&self, motion: &Motion) -> Told;
+
+    /// What has been learnt so far.
+    fn model(&self, notes: BTreeMap<String, String>) -> Model;
+
+    /// All that changes, and what it belongs to.
+    fn keep(&self) -> Weights;
+
+    /// Goes on from what [`Training::keep`] gave.
+    fn restore(&mut self, kept: &Weights) -> Result<(), TrainError>;
+}
+
+/// Why a batch is left out, where `vertex` is the first that is not finite.
+pub(crate) fn fault(energies: &Energies, vertex: usize, step: u64) -> TrainError {
+    let terms = energies.terms();
+    let term = terms.into_iter().find(|t| !t.1.is_finite());
+    TrainError::NotFinite {
+        term: term.map_or("gradient", |t| t.0),
+        step,
+        vertex,
+    }
+}
+
+/// Counts batches in a row that were left out; gives the fault once there are too many.
+pub(crate) fn left_out(bad: &mut u64, fault: TrainError, told: Told) -> Result<Told, TrainError> {
+    *bad += 1;
+    match *bad > MOST_BAD {
+        true => Err(fault),
+        false => Ok(told),
+    }
+}
+
+/// What the bits of a training depend on, in short: poses, cloth and body.
+pub(crate) fn fingerprint<'a>(
+    lesson: &Lesson<'_>,
+    poses: impl Iterator<Item = &'a Pose>,
+) -> String {
+    // FNV-1a over the bits: tells trainings apart, guards against nobody.
+    let sum = |numbers: &mut dyn Iterator<Item = f64>| {
+        numbers.fold(0u64, |h, x| {
+            (h ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3)
+        })
+    };
+    let turns = |p: &Pose| -> Vec<f64> {
+        let root = p.root.to_array().into_iter();
+        root.chain(p.rotations.iter().flat_map(|q| q.to_array()))
+            .collect()
+    };
+    let k = lesson.cloth.materials.iter().map(|m| m.stretch);
+    let parts = [
+        sum(&mut poses.flat_map(turns)),
+        sum(&mut lesson.template.iter().flat_map(|p| p.to_array())),
+        sum(&mut { k.flat_map(|k| [k.weft, k.warp, k.shear, k.compression]) }),
+        sum(&mut lesson.figure.verts.iter().flat_map(|p| p.to_array())),
+        sum(&mut lesson.weights.rows().flatten().map(|e| e.1)),
+    ];
+    format!("{parts:x?}")
+}

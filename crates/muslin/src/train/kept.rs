@@ -1,0 +1,73 @@
+//! What is kept of an unfinished training, and going on from it.
+
+use std::path::{Path, PathBuf};
+
+use muslin_io::{read_file, read_weights, write_file, write_weights};
+use muslin_train::{TrainError, Training};
+
+use super::log::Log;
+use crate::dress::file_failure;
+use crate::failure::{Exit, Failure};
+use crate::watch::Watch;
+
+/// Bytes that a kept training may have.
+pub(crate) const MOST_BYTES: u64 = 8 << 30;
+
+/// Goes on from what was kept, if there is anything.
+pub(super) fn resume(
+    trainer: &mut dyn Training,
+    part: &Path,
+    log: &mut Log,
+    watch: &mut Watch,
+) -> Result<(), Failure> {
+    if !part.exists() {
+        watch.warn("nothing to go on from; starting at the first step");
+        return Ok(());
+    }
+    let input = read_file(part, MOST_BYTES).map_err(|e| file_failure(&e))?;
+    let kept = read_weights(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
+    trainer
+        .restore(&kept)
+        .map_err(|e| failure(&e).at(part.display().to_string()))?;
+    if let Some(text) = kept.notes.get("log") {
+        *log = Log::read(text);
+    }
+    Ok(())
+}
+
+/// Writes all that changes.
+pub(super) fn keep(trainer: &dyn Training, part: &Path, log: &Log) -> Result<(), Failure> {
+    let mut kept = trainer.keep();
+    kept.notes.insert("log".into(), log.text());
+    let written = write_file(part, &write_weights(&kept));
+    written.map(|_| ()).map_err(|e| file_failure(&e))
+}
+
+/// Says how far it came.
+pub(super) fn stopped(failure: Failure, part: &Path, step: u64, of: u64) -> Failure {
+    Failure {
+        what: format!(
+            "stopped; {step} of {of} steps are kept in {}",
+            part.display()
+        ),
+        ..failure
+    }
+    .hint("the same command with --resume goes on from there")
+}
+
+/// `OUT.EXT`.
+pub(super) fn beside(out: &Path, extension: &str) -> PathBuf {
+    let mut name = out.as_os_str().to_owned();
+    name.push(format!(".{extension}"));
+    name.into()
+}
+
+/// Why a training fails, in the words of the program.
+pub(super) fn failure(e: &TrainError) -> Failure {
+    let (exit, code) = match e {
+        TrainError::NotFinite { .. } => (Exit::Numbers, "not-finite"),
+        TrainError::OtherTraining(_) => (Exit::Invalid, "cannot-resume"),
+        _ => (Exit::Invalid, "train"),
+    };
+    Failure::new(exit, code, e.to_string())
+}

@@ -1,0 +1,105 @@
+//! What a garment learns from: motions as poses or as they are, and the garment itself.
+
+use muslin_body::{Avatar, Figure, Motion, Sparse};
+use muslin_net::learn::Noise;
+use muslin_sim::Cloth;
+use muslin_train::published::System;
+use muslin_train::{diffused, mixed, thinned};
+
+use super::TrainOptions;
+use crate::drape::{cloth, put_on};
+use crate::failure::Failure;
+use crate::outfit::Outfit;
+use crate::simulate::{SimulateOptions, motion};
+
+/// Rounds in which skin weights spread, and bones a vertex follows at most.
+const DIFFUSED: (usize, usize) = (20, 6);
+/// As many bones as a file can name: the published systems leave none out.
+const ALL_BONES: usize = 255;
+/// Poses a second that are taken from a motion where each is learnt from on its own.
+const APART: f64 = 10.0;
+/// Poses a second of motions that are learnt from in time.
+pub(crate) const IN_TIME: f64 = 30.0;
+
+/// A garment as it is taught.
+pub(super) struct Pupil {
+    pub cloth: Cloth,
+    /// Where it lies around the body at rest [m].
+    pub template: Vec<glam::DVec3>,
+    pub weights: Sparse,
+    pub fabric: String,
+}
+
+impl Pupil {
+    /// The one garment of an outfit.
+    pub fn new(
+        (avatar, figure): (&Avatar, &Figure),
+        outfit: &Outfit,
+        system: Option<System>,
+    ) -> Result<Self, Failure> {
+        let worn = put_on(avatar, outfit, figure)?;
+        let piece = &outfit.pieces[0];
+        let skin = piece.garment.skin_weights(avatar);
+        let spread = system.map_or(DIFFUSED, |s| (s.smoothed(), ALL_BONES));
+        Ok(Self {
+            cloth: cloth(outfit, &worn),
+            template: worn[0].verts.clone(),
+            weights: diffused(&skin, &piece.garment.faces, spread),
+            fabric: piece.fabric.name.clone(),
+        })
+    }
+}
+
+/// Poses a second at which a system learns.
+pub(super) fn rate(system: Option<System>) -> f64 {
+    match system.is_some_and(System::is_moving) {
+        true => IN_TIME,
+        false => APART,
+    }
+}
+
+/// A motion without its way in from the rest pose, and what to call it.
+pub(super) fn one(
+    avatar: &Avatar,
+    figure: &Figure,
+    (name, fps): (&str, f64),
+) -> Result<(Motion, String), Failure> {
+    let options = SimulateOptions {
+        motion: name.to_owned(),
+        fps,
+        ..SimulateOptions::default()
+    };
+    let moving = motion::load(avatar, figure, &options)?;
+    let source = match &moving.sha256 {
+        Some(hash) => format!("{} sha256:{}", moving.name, &hash[..16]),
+        None => format!("built-in {}", moving.name),
+    };
+    let motion = Motion {
+        fps: moving.motion.fps,
+        poses: moving.motion.poses[moving.lead..].to_vec(),
+    };
+    Ok((motion, source))
+}
+
+/// Motions ready to be learnt from, how many poses they show, and how many more were mixed of
+/// these. Where poses are learnt from one by one, all are in one list.
+pub(super) fn gathered(
+    avatar: &Avatar,
+    motions: Vec<Motion>,
+    options: &TrainOptions,
+) -> (Vec<Motion>, [usize; 2]) {
+    if options.is_moving() {
+        let seen = motions.iter().map(|m| m.poses.len()).sum();
+        return (motions, [seen, 0]);
+    }
+    let all = motions.into_iter().flat_map(|m| m.poses).collect();
+    let mut poses = thinned(all, options.poses);
+    let seen = poses.len();
+    if seen > 0 {
+        let noise = &mut Noise::new(options.seed ^ 0x5eed);
+        let count = options.mixed.unwrap_or(TrainOptions::MIXED);
+        poses.extend(mixed(avatar, &poses, (count, noise)));
+    }
+    let more = poses.len() - seen;
+    (vec![Motion { fps: APART, poses }], [seen, more])
+}
