@@ -13,11 +13,11 @@ use muslin_geom::ccd::{self, Keep};
 
 use crate::Outcome;
 
-/// Nothing need be left of a distance.
-const KEEP: Keep = Keep {
-    share: 0.0,
-    least: 0.0,
-};
+/// Nothing need be left of a distance; then what the solver leaves of it.
+const KEEPS: [(&str, Keep); 2] = [
+    ("nothing kept", Keep::NOTHING),
+    ("as cloth keeps it", Keep::CLOTH),
+];
 
 /// A query: where four vertices start and end, and whether they meet on the way.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,12 +38,12 @@ struct Tally {
 }
 
 impl Tally {
-    fn add(&mut self, query: &Query, is_edges: bool) {
+    fn add(&mut self, query: &Query, (is_edges, keep): (bool, Keep)) {
         let ways = std::array::from_fn(|i| query.to[i] - query.from[i]);
         let since = Instant::now();
         let share = match is_edges {
-            true => ccd::edge_edge(&query.from, &ways, KEEP),
-            false => ccd::vertex_triangle(&query.from, &ways, KEEP),
+            true => ccd::edge_edge(&query.from, &ways, keep),
+            false => ccd::vertex_triangle(&query.from, &ways, keep),
         };
         self.micros.push(since.elapsed().as_secs_f64() * 1e6);
         let stopped = share < 1.0;
@@ -73,17 +73,18 @@ pub fn run(args: &[&str]) -> Outcome {
         return Err("usage: cargo xtask check ccd DIR (a copy of Sample-Queries)".into());
     };
     let mut missed = 0;
-    for (kind, is_edges) in [("edge-edge", true), ("vertex-face", false)] {
+    let kinds = [("edge-edge", true), ("vertex-face", false)];
+    for ((kind, is_edges), (how, keep)) in kinds.iter().flat_map(|k| KEEPS.map(|h| (*k, h))) {
         let mut tally = Tally::default();
         for path in tables(Path::new(folder), kind)? {
             let text = std::fs::read_to_string(&path).map_err(|e| in_file(&path, &e))?;
             let queries = read(&text).map_err(|e| in_file(&path, &e))?;
-            queries.iter().for_each(|q| tally.add(q, is_edges));
+            queries.iter().for_each(|q| tally.add(q, (is_edges, keep)));
         }
         if tally.queries == 0 {
             return Err(format!("{folder}: no queries in a folder named {kind}"));
         }
-        println!("{kind}: {}", tally.told());
+        println!("{kind}, {how}: {}", tally.told());
         missed += tally.missed;
     }
     match missed {
@@ -160,14 +161,15 @@ mod tests {
         assert_eq!(queries[1].to[0], DVec3::new(9.0, -0.5, 0.0));
         assert_eq!(queries[0].to[3], DVec3::Z);
         let mut tally = Tally::default();
-        queries.iter().for_each(|q| tally.add(q, false));
+        let how = (false, KEEPS[0].1);
+        queries.iter().for_each(|q| tally.add(q, how));
         let counts = [tally.queries, tally.meeting, tally.missed, tally.alarms];
         assert_eq!(counts, [2, 1, 0, 0]);
         let lie = Query {
             meets: true,
             ..queries[1].clone()
         };
-        tally.add(&lie, false);
+        tally.add(&lie, how);
         assert_eq!(tally.missed, 1);
     }
 

@@ -58,13 +58,17 @@ pub fn run(args: &[&str]) -> Outcome {
     let shirt = home.join("newton_shirt.obj");
     let mut convert = Command::new(&python);
     let done = convert.arg(home.join(SHIRT)).arg(&shirt).output();
-    if done.is_ok_and(|d| d.status.success()) {
-        println!(
+    let why = match done {
+        Ok(d) if d.status.success() => String::new(),
+        Ok(d) => format!("{}: {}", d.status, String::from_utf8_lossy(&d.stderr)),
+        Err(e) => e.to_string(),
+    };
+    match why.is_empty() {
+        true => println!(
             "muslin simulate --motion walk --garment {}",
             shirt.display()
-        );
-    } else {
-        println!("Newton's shirt is left out: Blender did not convert it");
+        ),
+        false => println!("Newton's shirt is left out: {why}"),
     }
     println!("muslin bench cloth --peers {}", home.display());
     Ok(())

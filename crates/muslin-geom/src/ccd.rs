@@ -19,6 +19,21 @@ pub struct Keep {
     pub least: f64,
 }
 
+impl Keep {
+    /// Nothing need be left.
+    pub const NOTHING: Self = Self {
+        share: 0.0,
+        least: 0.0,
+    };
+    /// What cloth keeps of its distance from cloth. The least is more than what files round positions
+    /// by: cloth that is pressed together without it comes so near within a frame that a file shows it
+    /// crossed.
+    pub const CLOTH: Self = Self {
+        share: 0.2,
+        least: 1e-5,
+    };
+}
+
 /// Largest safe share of the step, `0..=1`, for the point `x[0]` and the triangle `x[1..4]`.
 ///
 /// `x`: positions [m]; `d`: displacements over the step [m]. The returned share leaves what the pair
@@ -143,10 +158,7 @@ mod tests {
 
     #[test]
     fn who_is_nearer_than_the_least_may_part_but_not_approach() {
-        let keep = Keep {
-            share: 0.2,
-            least: 1e-5,
-        };
+        let keep = Keep::CLOTH;
         let mut rng = Rng(5);
         let mut parted = 0;
         for k in 0..2000 {

@@ -101,7 +101,8 @@ impl Model {
         let from = From { weights };
         let format = from.note("format")?;
         if !FORMATS.contains(&format) {
-            let what = format!("is not {:?}; it may be of a newer version", FORMATS[0]);
+            let [old, new] = FORMATS;
+            let what = format!("is neither {old:?} nor {new:?}; it may be of a newer version");
             return Err(ModelError::wrong("format", what));
         }
         let model = Self {
@@ -159,7 +160,8 @@ impl Model {
         fits("modes", self.modes.len() == 3 * n * self.n_codes())?;
         let all = [&self.params, &self.modes, &self.skin.weights];
         let sound = all.iter().all(|a| a.iter().all(|x| x.is_finite()));
-        let placed = self.template.as_flattened().iter().all(|x| x.is_finite());
+        let rest = [self.template.as_flattened(), self.scale.as_flattened()];
+        let placed = rest.iter().all(|a| a.iter().all(|x| x.is_finite()));
         match sound && placed {
             true => Ok(()),
             false => Err(ModelError::wrong("weights", "are not all finite")),

@@ -11,12 +11,6 @@ use rayon::prelude::*;
 
 use crate::{near::Near, ordered::CHUNK};
 
-/// What every pair keeps of its distance. The least is more than what files round positions by:
-/// cloth that is pressed together without it comes so near within a frame that a file shows it crossed.
-const KEEP: Keep = Keep {
-    share: 0.2,
-    least: 1e-5,
-};
 /// Rounds of leading together, then of growing zones; then all cloth moves as one.
 const LED: usize = 6;
 const ZONES: usize = 40;
@@ -131,9 +125,9 @@ fn share(pair: &Near, x: &[DVec3], moves: &[DVec3]) -> f64 {
     let at = pair.verts.map(|v| x[v as usize]);
     let by = pair.verts.map(|v| moves[v as usize]);
     if pair.is_edges {
-        ccd::edge_edge(&at, &by, KEEP)
+        ccd::edge_edge(&at, &by, Keep::CLOTH)
     } else {
-        ccd::vertex_triangle(&at, &by, KEEP)
+        ccd::vertex_triangle(&at, &by, Keep::CLOTH)
     }
 }
 

@@ -36,6 +36,13 @@ pub struct Posed {
     pub normals: Vec<Vec3>,
 }
 
+impl Posed {
+    /// The memory that it takes [bytes].
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.verts[..]) + size_of_val(&self.normals[..])
+    }
+}
+
 /// Somebody whose skin around the cloth can be asked for.
 pub struct Skinned<'a> {
     pub avatar: &'a Avatar,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use muslin_body::{Motion, Pose};
 use muslin_model::Model;
 use muslin_net::Weights;
+use muslin_sim::Material;
 
 use crate::{Energies, Lesson, Told, TrainError};
 
@@ -69,13 +70,25 @@ pub(crate) fn fingerprint<'a>(
         root.chain(p.rotations.iter().flat_map(|q| q.to_array()))
             .collect()
     };
-    let k = lesson.cloth.materials.iter().map(|m| m.stretch);
+    let cloth = lesson.cloth;
+    let stuff = |m: &Material| {
+        let (k, b) = (m.stretch, m.bend);
+        let planar = [k.weft, k.warp, k.shear, k.compression];
+        planar
+            .into_iter()
+            .chain([b.weft, b.warp, m.density, m.thickness])
+    };
+    let counts = [&cloth.material_of, &cloth.pins, &cloth.layers];
+    let counts = counts.into_iter().flatten();
+    let whole = cloth.faces.as_flattened().iter().chain(counts);
     let parts = [
         sum(&mut poses.flat_map(turns)),
         sum(&mut lesson.template.iter().flat_map(|p| p.to_array())),
-        sum(&mut { k.flat_map(|k| [k.weft, k.warp, k.shear, k.compression]) }),
+        sum(&mut cloth.materials.iter().flat_map(stuff)),
+        sum(&mut cloth.rest.as_flattened().iter().flat_map(|p| p.to_array())),
+        sum(&mut whole.map(|n| f64::from(*n))),
         sum(&mut lesson.figure.verts.iter().flat_map(|p| p.to_array())),
-        sum(&mut lesson.weights.rows().flatten().map(|e| e.1)),
+        sum(&mut { (lesson.weights.rows().flatten()).flat_map(|e| [f64::from(e.0), e.1]) }),
     ];
     format!("{parts:x?}")
 }

@@ -243,19 +243,20 @@ impl School<'_, '_> {
         let first = trainer.steps();
         let (since, mut kept) = (Instant::now(), Instant::now());
         while trainer.steps() < self.options.steps {
-            let told = trainer.step();
-            if told.is_err()
-                || self.watch.go_on().is_err()
-                || kept.elapsed().as_secs_f64() > KEEP_EVERY
-            {
+            match trainer.step() {
+                Ok(told) => last = told,
+                Err(e) => {
+                    keep(trainer, part, log)?;
+                    return Err(failure(&e));
+                }
+            }
+            log.add(last);
+            let go = self.watch.go_on();
+            if go.is_err() || kept.elapsed().as_secs_f64() > KEEP_EVERY {
                 keep(trainer, part, log)?;
                 kept = Instant::now();
             }
-            last = told.map_err(|e| failure(&e))?;
-            log.add(last);
-            self.watch
-                .go_on()
-                .map_err(|f| stopped(f, part, trainer.steps(), self.options.steps))?;
+            go.map_err(|f| stopped(f, part, trainer.steps(), self.options.steps))?;
             let done = trainer.steps() - first;
             let each = since.elapsed().as_secs_f64() / done as f64;
             let left = each * (self.options.steps - trainer.steps()) as f64;

@@ -1,6 +1,7 @@
 //! Motions to learn from, cut into windows, and what sixteen windows look like side by side.
 
-use std::sync::OnceLock;
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec3;
 use muslin_body::{Motion, Pose};
@@ -11,12 +12,15 @@ use crate::body::{Posed, Skinned};
 use crate::lanes::{LANES, Row};
 
 /// A pose of a motion: which motion, which pose.
-type Place = [u32; 2];
+pub(crate) type Place = [u32; 2];
 
-/// Motions with the skin of every pose, as far as it was asked for.
+/// Skins are kept for as long as they take less than this [bytes].
+const ROOM: usize = 512 << 20;
+
+/// Motions, with skins of poses that were asked for.
 pub(crate) struct Clips {
     pub motions: Vec<Motion>,
-    skins: Vec<Vec<OnceLock<Posed>>>,
+    skins: Mutex<HashMap<Place, Arc<Posed>>>,
     /// Where each window ends.
     pub windows: Vec<Place>,
 }
@@ -28,9 +32,7 @@ impl Clips {
         let ends: Vec<Place> = motions.iter().enumerate().flat_map(all).collect();
         let n = ends.len().min(most);
         Self {
-            skins: (motions.iter())
-                .map(|m| m.poses.iter().map(|_| OnceLock::new()).collect())
-                .collect(),
+            skins: Mutex::default(),
             windows: (0..n).map(|k| ends[k * ends.len() / n]).collect(),
             motions,
         }
@@ -45,10 +47,32 @@ impl Clips {
         &self.motions[clip as usize].poses[pose as usize]
     }
 
-    /// The skin at a place [m], root over the origin.
-    pub fn skin(&self, body: &Skinned, at: Place) -> &Posed {
-        let [clip, pose] = at.map(|i| i as usize);
-        self.skins[clip][pose].get_or_init(|| body.skin(self.pose(at)))
+    /// The skins at `places` [m], root over the origin.
+    ///
+    /// Nothing is locked while skins are made: that work is shared out, and whoever waited for a
+    /// lock inside it could wait for itself.
+    pub fn skins(&self, body: &Skinned, places: &[Place]) -> Vec<Arc<Posed>> {
+        let known = || self.skins.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut all: HashMap<Place, Arc<Posed>> = {
+            let known = known();
+            let of = |at: &Place| Some((*at, known.get(at)?.clone()));
+            places.iter().filter_map(of).collect()
+        };
+        let mut new: Vec<Place> = places.to_vec();
+        new.retain(|at| !all.contains_key(at));
+        new.sort_unstable();
+        new.dedup();
+        let made: Vec<(Place, Arc<Posed>)> = (new.par_iter())
+            .map(|at| (*at, Arc::new(body.skin(self.pose(*at)))))
+            .collect();
+        all.extend(made.iter().cloned());
+        let mut known = known();
+        let room = made.first().map_or(0, |m| ROOM / m.1.bytes().max(1));
+        if known.len() + made.len() > room {
+            known.clear();
+        }
+        known.extend(made.into_iter().take(room));
+        places.iter().map(|at| all[at].clone()).collect()
     }
 }
 

@@ -207,6 +207,20 @@ fn a_few_steps_lower_what_a_motion_costs_and_the_model_is_whole() {
 }
 
 #[test]
+fn a_skin_is_made_once_however_many_ask_for_it() {
+    let trainer = trainer(Course::of(System::Pbns));
+    let places = [[0, 3], [0, 5], [0, 3]];
+    let first = trainer.clips.skins(&trainer.body, &places);
+    let again = trainer.clips.skins(&trainer.body, &[[0, 5], [0, 6]]);
+    assert!(std::sync::Arc::ptr_eq(&first[0], &first[2]));
+    assert!(std::sync::Arc::ptr_eq(&first[1], &again[0]));
+    for (skin, pose) in first.iter().chain(&again).zip([3, 5, 3, 5, 6]) {
+        let want = trainer.body.skin(&trainer.clips.motions[0].poses[pose]);
+        assert!(skin.verts == want.verts && skin.normals == want.normals);
+    }
+}
+
+#[test]
 fn a_resumed_training_gives_the_bits_of_an_unbroken_one_on_any_number_of_threads() {
     for system in ALL {
         let run = |threads: usize, stop: u64| {

@@ -114,7 +114,7 @@ pub(crate) struct Now {
 }
 
 impl<'a> Published<'a> {
-    /// Gets ready to learn from `motions`, whose rate is the course's.
+    /// Gets ready to learn from `motions`, brought to the course's rate where they have another.
     ///
     /// All learnt shapes start at zero, so that the first prediction is the skinned garment.
     pub fn new(
@@ -122,7 +122,8 @@ impl<'a> Published<'a> {
         course: Course,
         motions: Vec<Motion>,
     ) -> Result<Self, TrainError> {
-        let clips = Clips::new(motions, course.windows);
+        let motions = motions.into_iter().map(|m| at_rate(m, course.fps));
+        let clips = Clips::new(motions.collect(), course.windows);
         if clips.windows.len() < LANES {
             return Err(TrainError::FewPoses(clips.windows.len(), LANES));
         }
@@ -230,6 +231,14 @@ impl<'a> Published<'a> {
     }
 }
 
+/// The motion with `fps` poses a second [1/s].
+fn at_rate(motion: Motion, fps: f64) -> Motion {
+    match motion.fps == fps {
+        true => motion,
+        false => motion.resampled(fps),
+    }
+}
+
 impl Training for Published<'_> {
     fn steps(&self) -> u64 {
         self.now.step
@@ -260,7 +269,8 @@ impl Training for Published<'_> {
     }
 
     fn judge(&self, motion: &Motion) -> Told {
-        let clips = Clips::new(vec![motion.clone()], usize::MAX);
+        let motion = at_rate(motion.clone(), self.course.fps);
+        let clips = Clips::new(vec![motion], usize::MAX);
         let n = clips.windows.len();
         if n == 0 {
             return Told::default();

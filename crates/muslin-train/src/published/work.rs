@@ -1,13 +1,16 @@
 //! One batch: prediction, losses, and the way back to the parameters.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use muslin_net::learn::{View, multiply};
 use rayon::prelude::*;
 
-use super::clips::{Batch, Clips, Frame};
+use super::clips::{Batch, Clips, Frame, Place};
 use super::laws;
 use super::net::{self, Chance, Tape};
 use super::trainer::Published;
+use crate::body::Posed;
 use crate::lanes::{LANES, Lane, Row, Vec3};
 use crate::laws::G;
 use crate::skin;
@@ -60,10 +63,11 @@ impl Published<'_> {
             };
         }
         let first = batch.frames.len() - recipe.judged;
-        let judged = first..batch.frames.len();
-        let mut asked: Vec<Asked> = judged
-            .into_par_iter()
-            .map(|f| self.ask((clips, &batch.frames[f]), (&guess.x[f], &guess.rest[f])))
+        let judged = &batch.frames[first..];
+        let places: Vec<Place> = judged.iter().flat_map(|f| f.at).collect();
+        let skins = clips.skins(&self.body, &places);
+        let mut asked: Vec<Asked> = (skins.par_chunks(LANES).enumerate())
+            .map(|(k, skins)| self.ask(skins, (&guess.x[first + k], &guess.rest[first + k])))
             .collect();
         let share = 1.0 / recipe.judged as f64;
         let mut work = Work::default();
@@ -80,11 +84,7 @@ impl Published<'_> {
         }
         work.broken = asked.iter().find_map(|a| broken(&a.g));
         if work.broken.is_none() {
-            self.slopes(
-                &batch.frames[first..],
-                (&guess, &mut asked),
-                &mut work.slopes,
-            );
+            self.slopes(judged, (&guess, &mut asked), &mut work.slopes);
         }
         work
     }
@@ -130,7 +130,10 @@ impl Published<'_> {
         let (rows, k) = (3 * self.template.len(), guess.codes[0].len() / LANES);
         let mut d_codes = Vec::new();
         for ((a, frame), codes) in asked.iter_mut().zip(frames).zip(&guess.codes[first..]) {
-            self.bring_back(frame, a);
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || self.bring_back(frame, a),
+            );
             let g = View::new(a.g.as_flattened(), rows, LANES);
             multiply(d_modes, 1.0, g, View::new(codes, k, LANES).transposed());
             let mut d = vec![0.0; k * LANES];
@@ -170,6 +173,7 @@ impl Published<'_> {
     }
 
     /// From a gradient in the world to one in the rest frame, in place.
+    #[inline(always)]
     fn bring_back(&self, frame: &Frame, asked: &mut Asked) {
         for v in 0..self.template.len() as u32 {
             let a = skin::blend(&self.skin, v as usize, &frame.bones);
@@ -181,8 +185,8 @@ impl Published<'_> {
     }
 
     /// The still laws at positions `x`, which come of the corrections `d`.
-    fn ask(&self, (clips, frame): (&Clips, &Frame), (x, d): (&[Row], &[Row])) -> Asked {
-        let walls = self.walls(clips, frame, x);
+    fn ask(&self, skins: &[Arc<Posed>], (x, d): (&[Row], &[Row])) -> Asked {
+        let walls = self.walls(skins, x);
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || self.sum(&walls, x, d),
@@ -235,12 +239,11 @@ impl Published<'_> {
     }
 
     /// The wall at every vertex: normal and offset of the nearest skin, by exact distance.
-    fn walls(&self, clips: &Clips, frame: &Frame, x: &[Row]) -> Vec<[Row; 4]> {
+    fn walls(&self, skins: &[Arc<Posed>], x: &[Row]) -> Vec<[Row; 4]> {
         let one = |lane: usize| {
-            let skin = clips.skin(&self.body, frame.at[lane]);
             let place = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
             let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(place).collect();
-            self.body.walls(skin, &x)
+            self.body.walls(&skins[lane], &x)
         };
         let lanes: Vec<Vec<[f32; 4]>> = (0..LANES).into_par_iter().map(one).collect();
         let of = |v: usize| [0, 1, 2, 3].map(|c| std::array::from_fn(|l| lanes[l][v][c]));
