@@ -6,6 +6,7 @@
 
 mod assets_body;
 mod assets_pose;
+mod assets_wardrobe;
 mod check_body;
 mod check_ccd;
 mod check_gltf;
@@ -20,7 +21,7 @@ mod wheel;
 
 use std::process::ExitCode;
 
-const USAGE: &str = "usage: cargo xtask ci | walls | assets body|pose | check body|ccd|gltf|npz|pose | peers [ARGS]";
+const USAGE: &str = "usage: cargo xtask ci | walls | assets body|pose|wardrobe | check body|ccd|gltf|npz|pose | peers [ARGS]";
 
 /// Every job says in words what went wrong.
 pub(crate) type Outcome = Result<(), String>;
@@ -43,6 +44,7 @@ fn run(words: &[&str]) -> Outcome {
         ["walls"] => walls::check(),
         ["assets", "body", rest @ ..] => assets_body::build(rest.first().copied()),
         ["assets", "pose", rest @ ..] => assets_pose::build(rest.first().copied()),
+        ["assets", "wardrobe", rest @ ..] => assets_wardrobe::build(rest),
         ["check", "body", rest @ ..] => check_body::run(rest),
         ["check", "ccd", rest @ ..] => check_ccd::run(rest),
         ["check", "gltf", rest @ ..] => check_gltf::run(rest),

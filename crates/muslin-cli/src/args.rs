@@ -75,6 +75,10 @@ pub struct Common {
     /// Whom to dress when there are several: a number from 1 (the largest), or `all`.
     #[arg(long, value_parser = person)]
     pub person: Option<Person>,
+    /// Solve the whole way from the body at rest, instead of starting from how trained garments of the
+    /// wardrobe say that they lie.
+    #[arg(long)]
+    pub simulate: bool,
     /// Also draw the fitted body over the photo (overlay.png).
     #[arg(long)]
     pub overlay: bool,
@@ -266,9 +270,25 @@ Examples:
 
 OUT.report.json says how good the result is.")]
 pub struct Animate {
-    /// The model, as `muslin train` wrote it; body, garment and fabric are those it was taught with.
+    /// A garment of the wardrobe, trained already: tee, trousers or skirt; or GARMENT:FABRIC [default: tee].
+    #[arg(long, value_name = "NAME", conflicts_with = "model")]
+    pub garment: Option<String>,
+    /// A model of your own, as `muslin train` wrote it.
+    #[arg(long, value_name = "FILE.muslin")]
+    pub model: Option<PathBuf>,
+    /// Another fabric than it was taught in (see `muslin list fabrics`), or a file of your own: the
+    /// solver's iterations turn its folds into that fabric's.
     #[arg(long)]
-    pub model: PathBuf,
+    pub fabric: Option<String>,
+    /// Standing height of another body than it was taught on [cm].
+    #[arg(long)]
+    pub height: Option<f64>,
+    /// Its weight [kg].
+    #[arg(long)]
+    pub weight: Option<f64>,
+    /// From 0 (female) to 1 (male) on the body's own scale.
+    #[arg(long)]
+    pub gender: Option<f64>,
     /// A built-in motion (see `muslin list motions`) or a file (BVH, or NPZ with poses).
     #[arg(long, default_value = "walk", value_name = "NAME|FILE")]
     pub motion: String,
@@ -439,6 +459,7 @@ impl Common {
     pub fn options(&self) -> DressOptions {
         DressOptions {
             person: self.person.unwrap_or(Person::Largest),
+            simulate: self.simulate,
             overlay: self.overlay,
             ..self.wearing.options(DressOptions::default())
         }
@@ -494,7 +515,13 @@ impl Train {
 impl Animate {
     /// The same in the library's words.
     pub fn options(&self) -> AnimateOptions {
+        let mut worn = Wear::parse(self.garment.as_deref().unwrap_or("tee"));
+        worn.fabric = worn.fabric.or_else(|| self.fabric.clone());
         let dress = DressOptions {
+            outfit: vec![worn],
+            height: self.height.map(|cm| cm / 100.0),
+            weight: self.weight,
+            gender: self.gender,
             allow_crossings: self.allow_crossings,
             backdrop: self.backdrop.into(),
             ..SimulateOptions::default().dress

@@ -41,6 +41,8 @@ pub struct Options {
     pub pin: f64,
     /// Times that cloth which is caught in a fold of the body is let go, at most.
     pub tugs: usize,
+    /// Whether what ends with a fault is tried a second time, with more care.
+    pub again: bool,
     /// Whether waves of many edges' length are solved by a level of their own. What hangs freely
     /// comes to a false rest without; what lies on the body gains nothing and takes a third longer.
     /// Cloth in motion is always solved so.
@@ -49,22 +51,28 @@ pub struct Options {
     pub second_order: bool,
 }
 
+impl Options {
+    /// The defaults.
+    pub const USUAL: Self = Self {
+        gravity: DVec3::new(0.0, -9.81, 0.0),
+        step: 1.0 / 30.0,
+        gap: 3e-3,
+        iterations: 25,
+        first_steps: 4,
+        last_steps: 80,
+        still: 0.03,
+        keep: 0.8,
+        pin: 15.0,
+        tugs: 4,
+        again: true,
+        handles: false,
+        second_order: false,
+    };
+}
+
 impl Default for Options {
     fn default() -> Self {
-        Options {
-            gravity: DVec3::new(0.0, -9.81, 0.0),
-            step: 1.0 / 30.0,
-            gap: 3e-3,
-            iterations: 25,
-            first_steps: 4,
-            last_steps: 80,
-            still: 0.03,
-            keep: 0.8,
-            pin: 15.0,
-            tugs: 4,
-            handles: false,
-            second_order: false,
-        }
+        Self::USUAL
     }
 }
 
@@ -90,7 +98,7 @@ impl Options {
 /// `start`: positions [m], outside the body's first frame as far as possible; `path`: the body per
 /// step, first the pose of `start`; `body_faces`: its triangles, outward. Cloth that is caught or
 /// starts inside is brought out where that can be done, and what ends with a fault is tried a second
-/// time with more care; what remains is counted in the result, never hidden.
+/// time with more care, if the options say so; what remains is counted in the result, never hidden.
 pub fn drape(
     cloth: &Cloth,
     start: &[DVec3],
@@ -141,7 +149,7 @@ fn drape_inside(
         go_on,
     };
     let first = job.attempt(false)?;
-    if first.0 == [false; 3] {
+    if first.0 == [false; 3] || !options.again {
         return Ok(first.1);
     }
     let second = job.attempt(true)?;

@@ -24,6 +24,7 @@ use crate::simulate::set::Set;
 use crate::table::Table;
 use crate::tell;
 use crate::train::topology;
+use crate::wardrobe;
 use crate::watch::Watch;
 use muslin_garment::Cut;
 
@@ -49,7 +50,10 @@ pub fn animate(
 ) -> Result<Outcome, Failure> {
     options.check(out)?;
     let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
-    let model = read_model(&options.model)?;
+    let model = match &options.model {
+        Some(path) => read_model(path)?,
+        None => wardrobe::model(&options.simulate.dress.outfit[0].garment)?,
+    };
     knows(&model, options)?;
     let simulate = as_trained(&model, &options.simulate)?;
     let folders = Folders::open(out, &simulate)?;
@@ -61,6 +65,8 @@ pub fn animate(
         warnings: Vec::new(),
     };
     let set = stage.set(&avatar, &model, &simulate)?;
+    stage.strangers(&model, &simulate.dress)?;
+    let model = wardrobe::fitted(model, &set.start);
     stage.perform((&set, &model), &simulate, (out, folders))
 }
 
@@ -98,33 +104,29 @@ pub(crate) fn model_failure(e: &ModelError) -> Failure {
         .hint("give a file that `muslin train` wrote")
 }
 
-/// The options with the body and the garment that the model was trained with.
+/// The options with the garment that the model was trained with, and with its body and fabric where no
+/// other was asked for.
 pub(crate) fn as_trained(
     model: &Model,
     asked: &SimulateOptions,
 ) -> Result<SimulateOptions, Failure> {
     let note = |name: &str| model.notes.get(name).map_or("", String::as_str);
-    let number = |name: &str| match note(name) {
-        "" => Ok(None),
-        text => text.parse().map(Some).map_err(|_| {
-            let what = format!("its note {name:?} is no number");
-            Failure::new(Exit::Invalid, "model", what)
-        }),
-    };
+    let number = |name: &str| number(model, name);
     let cut = match note("cut") {
         "slim" => Cut::Slim,
         "loose" => Cut::Loose,
         _ => Cut::Regular,
     };
+    let fabric = asked.dress.outfit.first().and_then(|w| w.fabric.clone());
     let wear = Wear {
         garment: note("garment").to_owned(),
-        fabric: Some(note("fabric").to_owned()),
+        fabric: fabric.or_else(|| Some(note("fabric").to_owned())),
     };
     let dress = DressOptions {
         outfit: vec![wear],
-        height: number("height")?,
-        weight: number("weight")?,
-        gender: number("gender")?,
+        height: asked.dress.height.or(number("height")?),
+        weight: asked.dress.weight.or(number("weight")?),
+        gender: asked.dress.gender.or(number("gender")?),
         edge: number("edge")?.unwrap_or(asked.dress.edge),
         cut,
         ..asked.dress.clone()
@@ -133,6 +135,17 @@ pub(crate) fn as_trained(
         dress,
         ..asked.clone()
     })
+}
+
+/// A number that the model was trained with, if it was.
+fn number(model: &Model, name: &str) -> Result<Option<f64>, Failure> {
+    match model.notes.get(name).map_or("", String::as_str) {
+        "" => Ok(None),
+        text => text.parse().map(Some).map_err(|_| {
+            let what = format!("its note {name:?} is no number");
+            Failure::new(Exit::Invalid, "model", what)
+        }),
+    }
 }
 
 struct Theatre<'a, 'w> {
@@ -187,6 +200,32 @@ impl Theatre<'_, '_> {
         fits(model, &set)?;
         self.done(3, "garment", told)?;
         Ok(set)
+    }
+
+    /// Says what the model never met.
+    fn strangers(&mut self, model: &Model, dress: &DressOptions) -> Result<(), Failure> {
+        let taught = ["height", "weight", "gender"].map(|name| number(model, name));
+        let mut others = Vec::new();
+        for (taught, worn) in taught
+            .into_iter()
+            .zip([dress.height, dress.weight, dress.gender])
+        {
+            if taught? != worn {
+                others = vec!["body"];
+            }
+        }
+        if model.notes.get("fabric") != dress.outfit[0].fabric.as_ref() {
+            others.push("fabric");
+        }
+        let list = others.iter().map(|o| Value::from(*o));
+        self.report.set("not_taught", list.collect::<Vec<_>>());
+        if !others.is_empty() && self.options.refine == 0 {
+            let what = others.join(" and ");
+            self.warn([format!(
+                "the model was taught with another {what}: its folds are laid over this one unchanged"
+            )]);
+        }
+        Ok(())
     }
 
     fn perform(

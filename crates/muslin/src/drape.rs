@@ -4,12 +4,13 @@ use glam::DVec3;
 use muslin_body::{Avatar, Figure};
 use muslin_energy::{hinge::Bend, membrane::Stretch};
 use muslin_garment::{Fabric, Worn};
-use muslin_geom::Drape;
-use muslin_sim::{BEYOND_LIMIT, Cloth, Material, Options, Settled, drape_while, stretch};
+use muslin_geom::{Drape, Mesh, self_intersections};
+use muslin_sim::{BEYOND_LIMIT, Cloth, Frame, Material, Options, Settled, drape_while, stretch};
 
 use crate::failure::{Exit, Failure};
 use crate::figure::Sitter;
 use crate::outfit::Outfit;
+use crate::wardrobe;
 use crate::watch::Watch;
 
 /// An outfit at rest on a body.
@@ -21,6 +22,8 @@ pub struct Dressed {
     pub uv: Vec<[glam::DVec2; 3]>,
     /// How good it is.
     pub quality: Quality,
+    /// Whether it started where trained garments said that they lie.
+    pub taught: bool,
 }
 
 /// What a judge would measure on the delivered frame.
@@ -32,6 +35,23 @@ pub struct Quality {
     pub stretch: Vec<(f64, Option<f64>)>,
 }
 
+/// For cloth that is near its rest: steps so long that hardly any inertia holds it back, each solved well
+/// and begun without velocity, and no second attempt.
+pub(crate) const NEARLY_THERE: Options = Options {
+    step: 0.3,
+    iterations: 100,
+    handles: true,
+    keep: 0.0,
+    first_steps: 0,
+    tugs: 0,
+    again: false,
+    ..Options::USUAL
+};
+/// Such steps in which cloth comes to rest that lies where it was taught to; it needs 3 to 5, and what
+/// needs more is caught somewhere.
+const LAID: usize = 12;
+/// Pairs of triangles that may cross in what a garment was taught; with more it knows nothing of the pose.
+const CROSSED: usize = 60;
 /// Largest turn of a joint in one step on the way to the pose [rad].
 const TURN: f64 = 0.09;
 
@@ -83,16 +103,56 @@ pub fn drape_outfit(
     watch: &Watch<'_>,
 ) -> Result<Dressed, Failure> {
     let worn = put_on(avatar, outfit, &sitter.figure)?;
-    let cloth = cloth(outfit, &worn);
     let start: Vec<DVec3> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
     let path = sitter.path(avatar, TURN);
     let body = (path.as_slice(), avatar.collision_faces());
+    settle((outfit, &worn), &start, body, (Options::default(), watch))
+}
+
+/// Drapes an outfit on somebody from where trained garments say that it lies. What was not taught, or
+/// does not come out clean from there, is draped as [`drape_outfit`] does.
+pub(crate) fn lay_outfit(
+    (avatar, sitter): (&Avatar, &Sitter),
+    outfit: &Outfit,
+    watch: &Watch<'_>,
+) -> Result<Dressed, Failure> {
+    let worn = put_on(avatar, outfit, &sitter.figure)?;
+    let faces = cloth(outfit, &worn).faces;
+    let start = wardrobe::laid(avatar, (outfit, &worn), sitter)
+        .map(|verts| Mesh { verts, faces })
+        .filter(|mesh| self_intersections(mesh).len() <= CROSSED);
+    if let Some(Mesh { verts: start, .. }) = start {
+        let path = [sitter.frame(avatar)];
+        let body = (path.as_slice(), avatar.collision_faces());
+        let options = Options {
+            last_steps: LAID,
+            ..NEARLY_THERE
+        };
+        let dressed = settle((outfit, &worn), &start, body, (options, watch))?;
+        if dressed.quality.fault(false).is_none() && dressed.quality.within_limits() {
+            return Ok(Dressed {
+                taught: true,
+                ..dressed
+            });
+        }
+    }
+    drape_outfit(avatar, outfit, sitter, watch)
+}
+
+/// Solves from `start` [m] along a path of the body and `watch`es.
+fn settle(
+    (outfit, worn): (&Outfit, &[Worn]),
+    start: &[DVec3],
+    body: (&[Frame], &[[u32; 3]]),
+    (options, watch): (Options, &Watch<'_>),
+) -> Result<Dressed, Failure> {
+    let cloth = cloth(outfit, worn);
     let options = Options {
-        handles: outfit.pieces.iter().any(|p| p.garment.hangs_freely()),
-        ..Options::default()
+        handles: options.handles || outfit.pieces.iter().any(|p| p.garment.hangs_freely()),
+        ..options
     };
     let go_on = watch.may_go_on();
-    let settled = drape_while(&cloth, &start, body, (&options, &go_on));
+    let settled = drape_while(&cloth, start, body, (&options, &go_on));
     // Where it stopped because it was asked to, that is the answer.
     watch.go_on()?;
     let settled = settled.map_err(|e| Failure::new(Exit::Numbers, "drape", e.to_string()))?;
@@ -182,7 +242,12 @@ fn finish(outfit: &Outfit, cloth: &Cloth, settled: Settled) -> Dressed {
     };
     drape.frames.push(settled.verts);
     let uv = outfit.uv();
-    Dressed { drape, uv, quality }
+    Dressed {
+        drape,
+        uv,
+        quality,
+        taught: false,
+    }
 }
 
 /// The value that 99 % stay below; zero of none.

@@ -11,7 +11,7 @@ use muslin_io::{
     Output, Photo, PhotoLimits, animated_png, flatten, glb, png, read_photo, report_json,
 };
 
-use crate::drape::{Dressed, drape_outfit};
+use crate::drape::{Dressed, drape_outfit, lay_outfit};
 use crate::failure::{Exit, Failure};
 use crate::figure::{Sitter, body_failure};
 use crate::options::{DressOptions, Person};
@@ -271,7 +271,11 @@ impl<'a, 'w> Job<'a, 'w> {
         let outfit = Outfit::make(self.avatar, self.options, |w| self.watch.warn(w))?;
         self.report.set("outfit", tell::outfit(&outfit));
         self.done(3, "outfit", tell::pieces(&outfit))?;
-        let dressed = drape_outfit(self.avatar, &outfit, &model.sitter, self.watch)?;
+        let who = (self.avatar, &model.sitter);
+        let dressed = match self.options.simulate {
+            true => drape_outfit(self.avatar, &outfit, &model.sitter, self.watch)?,
+            false => lay_outfit(who, &outfit, self.watch)?,
+        };
         self.report
             .set("drape", tell::drape(&outfit, &dressed, model.sitter.turned));
         self.done(4, "drape", tell::quality(&dressed.quality))?;

@@ -56,6 +56,11 @@ impl Sitter {
         other
     }
 
+    /// The body in the pose, as the solver meets it.
+    pub(crate) fn frame(&self, avatar: &Avatar) -> Frame {
+        body_frame(avatar, &self.posed, &Cores::new(avatar, &self.figure))
+    }
+
     /// The body on the way from the rest pose to the pose, both included.
     ///
     /// The way eases in and out, and no joint turns by more than `most` radians a step.

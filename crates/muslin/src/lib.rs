@@ -24,6 +24,7 @@ mod simulate;
 mod table;
 mod tell;
 mod train;
+mod wardrobe;
 mod watch;
 
 pub use animate::{AnimateOptions, animate};

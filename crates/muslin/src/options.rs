@@ -71,6 +71,8 @@ pub struct DressOptions {
     pub edge: f64,
     /// Deliver a drape whose cloth crosses itself.
     pub allow_crossings: bool,
+    /// Solve from the body at rest, also where trained garments know how they lie.
+    pub simulate: bool,
     /// Also draw the fitted body over the photo.
     pub overlay: bool,
     /// Behind the figure.
@@ -88,6 +90,7 @@ impl Default for DressOptions {
             cut: Cut::Regular,
             edge: 0.012,
             allow_crossings: false,
+            simulate: false,
             overlay: false,
             backdrop: Backdrop::Studio,
         }

@@ -177,6 +177,7 @@ pub fn drape(outfit: &Outfit, dressed: &Dressed, turned: f64) -> Report {
         .set("stretch_max_percent", to(2, s.stretch_max * 100.0));
     r.set("flesh_yielded_mm", to(2, s.yielded * 1e3));
     r.set("limbs_turned_deg", to(2, turned.to_degrees()));
+    r.set("from", if dressed.taught { "wardrobe" } else { "rest" });
     r.set("steps", s.steps).set("at_rest", s.converged);
     r.set("speed_p99_mm_s", to(2, s.speed_p99 * 1e3));
     let mut energy = Report::default();

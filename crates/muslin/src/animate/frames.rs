@@ -9,6 +9,7 @@ use muslin_model::{Model, Player};
 use muslin_sim::{Frame, Options, Settled, drape};
 use rayon::prelude::*;
 
+use crate::drape::NEARLY_THERE;
 use crate::failure::{Exit, Failure};
 use crate::simulate::reel::{Reel, Told};
 use crate::simulate::set::Set;
@@ -114,7 +115,8 @@ fn one(set: &Set, (k, x): (usize, &[DVec3]), refine: usize) -> Result<Solved, Fa
         };
         return Ok(Solved::new(raw, since, false));
     }
-    let first = refined(set, x, (&body, refine))?;
+    let way = (std::slice::from_ref(&body), refine);
+    let first = solve(set, x, way, false)?;
     if faults(&first) == 0 {
         return Ok(Solved::new(first, since, false));
     }
@@ -139,7 +141,7 @@ fn reach(set: &Set, k: usize, solved: &mut [Solved]) -> Result<(), Failure> {
         None => (&set.start, (0..=lead + k).collect()),
     };
     let path: Vec<Frame> = way.into_iter().map(|i| set.frame(i)).collect();
-    let settled = solve(set, start, (&path, AGAIN))?;
+    let settled = solve(set, start, (&path, AGAIN), true)?;
     if faults(&settled) < solved[k].faults {
         solved[k] = Solved::new(settled, since, true);
     }
@@ -156,16 +158,21 @@ pub(crate) fn refined(
     x: &[DVec3],
     (body, k): (&Frame, usize),
 ) -> Result<Settled, Failure> {
-    solve(set, x, (std::slice::from_ref(body), k))
+    solve(set, x, (std::slice::from_ref(body), k), true)
 }
 
-fn solve(set: &Set, x: &[DVec3], (path, k): (&[Frame], usize)) -> Result<Settled, Failure> {
+/// `again`: whether what ends with a fault is tried a second time with more care.
+fn solve(
+    set: &Set,
+    x: &[DVec3],
+    (path, k): (&[Frame], usize),
+    again: bool,
+) -> Result<Settled, Failure> {
     let options = Options {
-        first_steps: 0,
+        again,
         last_steps: k,
         still: 0.0,
-        tugs: 0,
-        ..Options::default()
+        ..NEARLY_THERE
     };
     let settled = drape(
         &set.cloth,

@@ -2,16 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::failure::Failure;
+use crate::failure::{Exit, Failure};
 use crate::options::within;
 use crate::simulate::SimulateOptions;
 
 /// Options of `animate`; the default is what a stranger would want.
 #[derive(Clone, Debug)]
 pub struct AnimateOptions {
-    /// The model, as `train` wrote it.
-    pub model: PathBuf,
-    /// Motion, rate and files; body and garment are the model's.
+    /// The model, as `train` wrote it; if none, that of the first garment worn, from the wardrobe.
+    pub model: Option<PathBuf>,
+    /// Motion, rate and files. The garment is the model's; body and fabric are as well, as far as
+    /// nothing else is asked for.
     pub simulate: SimulateOptions,
     /// Solver iterations a frame; with none, frames are written as predicted.
     pub refine: usize,
@@ -22,7 +23,7 @@ pub struct AnimateOptions {
 impl Default for AnimateOptions {
     fn default() -> Self {
         Self {
-            model: PathBuf::from("tee.muslin"),
+            model: None,
             simulate: SimulateOptions {
                 fps: 30.0,
                 ..SimulateOptions::default()
@@ -38,6 +39,10 @@ impl AnimateOptions {
     pub fn check(&self, out: &Path) -> Result<(), Failure> {
         within("--refine", "", Some(self.refine as f64), (0.0, 1000.0))?;
         within("--motion-level", "", self.motion_level, (0.0, 10.0))?;
+        if self.simulate.dress.outfit.len() != 1 {
+            let what = "garments are played one by one";
+            return Err(Failure::new(Exit::Usage, "one-garment", what).at("--garment"));
+        }
         self.simulate.check(out)
     }
 }

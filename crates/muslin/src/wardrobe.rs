@@ -1,0 +1,149 @@
+//! The wardrobe: trained garments that come with the program.
+
+use glam::DVec3;
+use muslin_body::{Avatar, names};
+use muslin_garment::Worn;
+use muslin_io::read_weights;
+use muslin_model::{Model, Player};
+
+use crate::animate::model_failure;
+use crate::dress::file_failure;
+use crate::failure::{Exit, Failure};
+use crate::figure::Sitter;
+use crate::outfit::{Outfit, Piece};
+use crate::train::topology;
+
+/// Models by the name of their garment, made by `cargo xtask assets wardrobe`.
+const TAUGHT: [(&str, &[u8]); 2] = [
+    ("tee", include_bytes!("../../../assets/wardrobe/tee.muslin")),
+    (
+        "skirt",
+        include_bytes!("../../../assets/wardrobe/skirt.muslin"),
+    ),
+];
+
+/// The trained model of a garment, by name.
+pub(crate) fn model(garment: &str) -> Result<Model, Failure> {
+    let asked = garment.trim().to_lowercase();
+    let Some((name, bytes)) = TAUGHT.iter().find(|t| t.0 == asked) else {
+        let near = names::nearest(&asked, TAUGHT.iter().map(|t| t.0));
+        let what = format!("no trained {garment:?} comes with the program");
+        return Err(Failure::new(Exit::Usage, "not-taught", what)
+            .at("--garment")
+            .hint(format!(
+                "there is {}; `muslin train --garment {garment} -o {garment}.muslin` teaches another, \
+                 and --model plays it",
+                near.join(", ")
+            )));
+    };
+    read(name, bytes)
+}
+
+fn read(name: &str, bytes: &[u8]) -> Result<Model, Failure> {
+    let weights = read_weights(name, bytes).map_err(|e| file_failure(&e))?;
+    Model::from_weights(&weights).map_err(|e| model_failure(&e).at(name.to_owned()))
+}
+
+/// Where trained garments say that an outfit lies on somebody [m]; nothing if one of them was not
+/// taught, or not in this cut.
+///
+/// The network knows its own garment's folds in a pose; they are laid over the garment as it is cut
+/// for this body, whatever its shape and fabric.
+pub(crate) fn laid(
+    avatar: &Avatar,
+    (outfit, worn): (&Outfit, &[Worn]),
+    sitter: &Sitter,
+) -> Option<Vec<DVec3>> {
+    let mut out = Vec::new();
+    for (piece, worn) in outfit.pieces.iter().zip(worn) {
+        let model = fitted(taught(piece)?, &worn.verts);
+        let mut player = Player::new(&model, avatar).ok()?;
+        let mut verts = vec![[0.0; 3]; player.n_verts()];
+        player.frame(&sitter.pose, &sitter.posed.bones, &mut verts);
+        let wide = |p: [f32; 3]| DVec3::from_array(p.map(f64::from));
+        out.extend(verts.into_iter().map(wide));
+    }
+    out.iter().all(|p| p.is_finite()).then_some(out)
+}
+
+/// The model of a garment of the outfit, if it is of just these triangles.
+fn taught(piece: &Piece) -> Option<Model> {
+    let garment = &piece.garment;
+    let known = piece.sha256.is_none().then_some(&garment.name)?;
+    let (name, bytes) = TAUGHT.iter().find(|t| t.0 == known)?;
+    let model = read(name, bytes).ok()?;
+    let same = model.notes.get("topology") == Some(&topology(&garment.faces));
+    (same && model.n_verts() == garment.n_verts()).then_some(model)
+}
+
+/// The model for a garment that lies at `rest` [m] around the body at rest.
+pub(crate) fn fitted(model: Model, rest: &[DVec3]) -> Model {
+    let template = rest.iter().map(|p| p.as_vec3().to_array()).collect();
+    Model { template, ..model }
+}
+
+#[cfg(test)]
+mod tests {
+    use muslin_body::{Pose, Shape};
+
+    use super::*;
+    use crate::drape::put_on;
+    use crate::options::{DressOptions, Wear};
+
+    fn outfit(avatar: &Avatar, worn: &str, edge: f64) -> Outfit {
+        let options = DressOptions {
+            outfit: worn.split(',').map(Wear::parse).collect(),
+            edge,
+            ..DressOptions::default()
+        };
+        Outfit::make(avatar, &options, |_| {}).expect("it can be cut")
+    }
+
+    #[test]
+    fn every_model_is_of_the_garment_that_is_cut_today() {
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        for (name, _) in TAUGHT {
+            let made = outfit(&avatar, name, DressOptions::default().edge);
+            assert!(taught(&made.pieces[0]).is_some(), "{name}");
+            let other = outfit(&avatar, name, 0.02);
+            assert!(
+                taught(&other.pieces[0]).is_none(),
+                "{name} of other triangles"
+            );
+        }
+    }
+
+    #[test]
+    fn a_shirt_lies_near_the_body_whatever_its_shape_and_an_unknown_one_nowhere() {
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        for weight in [0.3, 0.8] {
+            let shape = Shape::default().with("weight", weight).expect("a share");
+            let figure = avatar.figure(&shape).expect("a figure");
+            let pose = Pose::stance(&avatar, &figure, "walk").expect("built in");
+            let sitter = Sitter::new(&avatar, &shape, pose).expect("sound");
+            let lie = |worn: &str| {
+                let outfit = outfit(&avatar, worn, DressOptions::default().edge);
+                let worn = put_on(&avatar, &outfit, &sitter.figure).expect("it can be worn");
+                laid(&avatar, (&outfit, &worn), &sitter)
+            };
+            let shirt = lie("tee").expect("it was taught");
+            let skin = muslin_geom::Surface::new(
+                &sitter.posed.verts[avatar.part(muslin_body::Part::Body)],
+                avatar.collision_faces(),
+            );
+            let far = shirt.iter().filter(|p| skin.closest(**p, 0.08).is_none());
+            assert!(far.count() < shirt.len() / 20);
+            assert!(lie("tee,shorts").is_none());
+        }
+    }
+
+    #[test]
+    fn what_was_not_taught_is_named_with_what_was() {
+        let fault = model("poncho").expect_err("there is none");
+        assert_eq!((fault.exit, fault.code), (Exit::Usage, "not-taught"));
+        assert!(
+            fault.hint.contains("tee") && fault.hint.contains("--model"),
+            "{fault}"
+        );
+    }
+}
