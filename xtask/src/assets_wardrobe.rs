@@ -1,9 +1,9 @@
-//! `cargo xtask assets wardrobe [NAME ...]`: the trained garments that come with the program.
+//! `cargo xtask assets wardrobe CMU_DIR [NAME ...]`: the trained garments that come with the program.
 //!
-//! Each learns from the built-in motions and poses mixed of them, by `muslin train`: nothing is fetched,
-//! nothing was simulated.
+//! Each learns by `muslin train` from the built-in motions, from nine recordings of the CMU Graphics Lab
+//! Motion Capture Database, and from poses mixed of both. Nothing was simulated.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::Outcome;
@@ -14,11 +14,36 @@ const NAMES: [&str; 2] = ["tee", "skirt"];
 const MOTIONS: [&str; 9] = [
     "walk", "run", "turn", "wave", "squat", "arms-up", "sit", "spin", "dance",
 ];
+/// Recordings of the CMU database: what a BVH file in the folder begins with.
+const RECORDINGS: [&str; 9] = [
+    "07_01", "55_01", "91_48", "91_49", "91_50", "91_51", "91_52", "91_53", "91_54",
+];
 /// How long, and of how many poses, shown and mixed.
 const HOW: [&str; 6] = ["--steps", "3000", "--poses", "600", "--mixed", "1000"];
 
+/// The recordings in a folder.
+fn recordings(folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let told = |e: &dyn std::fmt::Display| format!("{}: {e}", folder.display());
+    let entries = std::fs::read_dir(folder).map_err(|e| told(&e))?;
+    let mut files: Vec<PathBuf> = entries.flatten().map(|e| e.path()).collect();
+    files.sort();
+    let one = |start: &&str| {
+        let named = |p: &&PathBuf| {
+            let name = p.file_name().unwrap_or_default().to_string_lossy();
+            name.starts_with(*start) && name.ends_with(".bvh")
+        };
+        let found = files.iter().find(named).cloned();
+        found.ok_or_else(|| told(&format!("no {start}*.bvh (CMU motion capture database)")))
+    };
+    RECORDINGS.iter().map(one).collect()
+}
+
 /// Teaches the named garments, or all.
-pub fn build(names: &[&str]) -> Outcome {
+pub fn build(args: &[&str]) -> Outcome {
+    let Some((folder, names)) = args.split_first() else {
+        return Err("usage: cargo xtask assets wardrobe CMU_DIR [NAME ...]".into());
+    };
+    let recordings = recordings(Path::new(folder))?;
     let names = if names.is_empty() { &NAMES[..] } else { names };
     let folder = Path::new("assets/wardrobe");
     for name in names {
@@ -34,6 +59,9 @@ pub fn build(names: &[&str]) -> Outcome {
         train.args(["train", "--garment", name]).args(HOW);
         MOTIONS.iter().for_each(|m| {
             train.args(["--motion", m]);
+        });
+        recordings.iter().for_each(|r| {
+            train.arg("--motion").arg(r);
         });
         let status = train.arg("--out").arg(&model).status();
         match status {

@@ -71,7 +71,7 @@ pub(super) fn one(
     };
     let moving = motion::load(avatar, figure, &options)?;
     let source = match &moving.sha256 {
-        Some(hash) => format!("{} sha256:{}", moving.name, &hash[..16]),
+        Some(hash) => format!("{} sha256:{}", file_name(&moving.name), &hash[..16]),
         None => format!("built-in {}", moving.name),
     };
     let motion = Motion {
@@ -79,6 +79,11 @@ pub(super) fn one(
         poses: moving.motion.poses[moving.lead..].to_vec(),
     };
     Ok((motion, source))
+}
+
+/// A file without its folder: models travel, folders do not.
+fn file_name(path: &str) -> &str {
+    path.rsplit(['/', '\\']).next().unwrap_or(path)
 }
 
 /// Motions ready to be learnt from, how many poses they show, and how many more were mixed of
