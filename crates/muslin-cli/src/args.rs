@@ -270,7 +270,7 @@ Examples:
 
 OUT.report.json says how good the result is.")]
 pub struct Animate {
-    /// A garment of the wardrobe, trained already: tee, trousers or skirt; or GARMENT:FABRIC [default: tee].
+    /// A garment of the wardrobe, trained already: tee or skirt; or GARMENT:FABRIC [default: tee].
     #[arg(long, value_name = "NAME", conflicts_with = "model")]
     pub garment: Option<String>,
     /// A model of your own, as `muslin train` wrote it.

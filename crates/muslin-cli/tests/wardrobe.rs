@@ -90,7 +90,12 @@ fn dress_starts_where_the_garment_was_taught_to_lie_unless_all_is_to_be_simulate
         let report = std::fs::read_to_string(folder.0.join("out/report.json")).expect("written");
         assert!(report.contains("\"body_intersections\": 0"), "{report}");
         let from = report.lines().find(|l| l.contains("\"from\""));
-        from.expect("it is said").trim().to_owned()
+        let from = from.expect("it is said").trim().to_owned();
+        assert_eq!(
+            report.contains("mocap.cs.cmu.edu"),
+            from.contains("wardrobe")
+        );
+        from
     };
     assert_eq!(from(&[]), "\"from\": \"wardrobe\",");
     assert_eq!(from(&["--simulate"]), "\"from\": \"rest\",");

@@ -104,10 +104,18 @@ pub fn drape_outfit(
     watch: &Watch<'_>,
 ) -> Result<Dressed, Failure> {
     let worn = put_on(avatar, outfit, &sitter.figure)?;
+    from_rest((avatar, sitter), (outfit, &worn), watch)
+}
+
+fn from_rest(
+    (avatar, sitter): (&Avatar, &Sitter),
+    (outfit, worn): (&Outfit, &[Worn]),
+    watch: &Watch<'_>,
+) -> Result<Dressed, Failure> {
     let start: Vec<DVec3> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
     let path = sitter.path(avatar, TURN);
     let body = (path.as_slice(), avatar.collision_faces());
-    settle((outfit, &worn), &start, body, (Options::default(), watch))
+    settle((outfit, worn), &start, body, (Options::default(), watch))
 }
 
 /// Drapes an outfit on somebody from where trained garments say that it lies. What was not taught, or
@@ -137,7 +145,7 @@ pub(crate) fn lay_outfit(
             });
         }
     }
-    drape_outfit(avatar, outfit, sitter, watch)
+    from_rest((avatar, sitter), (outfit, &worn), watch)
 }
 
 /// Solves from `start` [m] along a path of the body and `watch`es.

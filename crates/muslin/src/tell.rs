@@ -245,6 +245,12 @@ pub fn colophon(report: &mut Report) {
             "BSD-3-Clause (sports2d 0.8.34, copyright 2022 perfanalytics)",
         );
     }
+    if matches!(dig(report, &["drape", "from"]), Some(Value::Text(f)) if f == "wardrobe") {
+        licences.set(
+            "wardrobe",
+            "Apache-2.0 OR MIT (trained among others on recordings of mocap.cs.cmu.edu)",
+        );
+    }
     report.set("licences", licences);
     report
         .set("muslin", env!("CARGO_PKG_VERSION"))
