@@ -1,10 +1,17 @@
 //! The body as cloth meets it: a moving surface, and the touches on it.
 
+use std::sync::OnceLock;
+
 use glam::DVec3;
 use muslin_energy::contact::Barrier;
 use muslin_geom::{Closest, Surface};
 
-use crate::{ordered, touch::Touch, weave::Weave};
+use crate::{
+    ordered,
+    pattern::{Pattern, Rows},
+    touch::Touch,
+    weave::Weave,
+};
 
 /// The body at the end of a step, with what it knows about each vertex of the cloth.
 pub(crate) struct Body {
@@ -14,6 +21,8 @@ pub(crate) struct Body {
     seen: Vec<Seen>,
     /// Per vertex, distance that is kept on top of the common gap [m].
     pub extra: Vec<f64>,
+    /// Vertices of the skin that share a face, once asked for.
+    near: OnceLock<Rows>,
 }
 
 /// The last answer about a vertex.
@@ -54,7 +63,15 @@ impl Body {
             before,
             seen: vec![UNSEEN; n_cloth],
             extra: vec![0.0; n_cloth],
+            near: OnceLock::new(),
         }
+    }
+
+    /// For every vertex of the skin those that share a face with it.
+    pub fn near(&self) -> &Rows {
+        let skin = &self.now;
+        self.near
+            .get_or_init(|| Pattern::new(skin.verts().len(), skin.faces()).near)
     }
 
     /// Moves on; `to` [m] is where the skin is at the end of the next step.

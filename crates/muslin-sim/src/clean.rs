@@ -7,10 +7,7 @@
 
 use glam::DVec3;
 
-use crate::{
-    cloth::SimError, crossings, pattern::Pattern, quality::Settled, relief, stage::Stage,
-    weave::Weave,
-};
+use crate::{cloth::SimError, crossings, quality::Settled, relief, stage::Stage, weave::Weave};
 
 /// Rounds of untangling and covering at the end.
 const CLEANINGS: usize = 8;
@@ -106,14 +103,12 @@ fn cover(stage: &mut Stage<'_>, faces: Vec<u32>) {
 fn give(stage: &mut Stage<'_>, cores: &[DVec3]) -> f64 {
     let n = stage.body.now.verts().len();
     let mut given = vec![0.0; n];
-    let mut pattern = None;
     for _ in 0..YIELDS {
         let hits = stage.in_body();
         if hits.is_empty() {
             break;
         }
         let skin = &stage.body.now;
-        let pattern = pattern.get_or_insert_with(|| Pattern::new(n, skin.faces()));
         let mut depth = vec![0.0; n];
         for v in hits.iter().flat_map(|h| skin.faces()[h[1] as usize]) {
             let v = v as usize;
@@ -123,7 +118,7 @@ fn give(stage: &mut Stage<'_>, cores: &[DVec3]) -> f64 {
                 depth[v] = GIVE;
             }
         }
-        let dented = relief::dented(skin, (cores, &pattern.near), depth, |v| {
+        let dented = relief::dented(skin, (cores, stage.body.near()), depth, |v| {
             given[v] < MOST_GIVE[0]
         });
         for v in 0..n {
