@@ -17,6 +17,7 @@ mod elastic;
 mod error;
 mod factor;
 mod folds;
+mod kept;
 mod lanes;
 mod laws;
 mod lesson;

@@ -73,8 +73,13 @@ pub fn animate(
 /// The model in a file.
 pub(crate) fn read_model(path: &Path) -> Result<Model, Failure> {
     let input = read_file(path, MOST_BYTES).map_err(|e| file_failure(&e))?;
-    let weights = read_weights(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
-    Model::from_weights(&weights).map_err(|e| model_failure(&e).at(input.file))
+    decode_model(&input.file, &input.bytes)
+}
+
+/// The model in these bytes of a file.
+pub(crate) fn decode_model(file: &str, bytes: &[u8]) -> Result<Model, Failure> {
+    let weights = read_weights(file, bytes).map_err(|e| file_failure(&e))?;
+    Model::from_weights(&weights).map_err(|e| model_failure(&e).at(file.to_owned()))
 }
 
 /// Refuses a motion level for a model that cannot tell motion from the pose.

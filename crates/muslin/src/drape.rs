@@ -126,9 +126,12 @@ pub(crate) fn lay_outfit(
     watch: &Watch<'_>,
 ) -> Result<Dressed, Failure> {
     let worn = put_on(avatar, outfit, &sitter.figure)?;
-    let faces = cloth(outfit, &worn).faces;
+    let mesh = |verts| Mesh {
+        verts,
+        faces: cloth(outfit, &worn).faces,
+    };
     let start = wardrobe::laid(avatar, (outfit, &worn), sitter)
-        .map(|verts| Mesh { verts, faces })
+        .map(mesh)
         .filter(|mesh| self_intersections(mesh).len() <= CROSSED);
     if let Some(Mesh { verts: start, .. }) = start {
         let path = [sitter.frame(avatar)];

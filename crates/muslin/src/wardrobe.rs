@@ -3,11 +3,9 @@
 use glam::DVec3;
 use muslin_body::{Avatar, names};
 use muslin_garment::Worn;
-use muslin_io::read_weights;
 use muslin_model::{Model, Player};
 
-use crate::animate::model_failure;
-use crate::dress::file_failure;
+use crate::animate::decode_model;
 use crate::failure::{Exit, Failure};
 use crate::figure::Sitter;
 use crate::outfit::{Outfit, Piece};
@@ -36,12 +34,7 @@ pub(crate) fn model(garment: &str) -> Result<Model, Failure> {
                 near.join(", ")
             )));
     };
-    read(name, bytes)
-}
-
-fn read(name: &str, bytes: &[u8]) -> Result<Model, Failure> {
-    let weights = read_weights(name, bytes).map_err(|e| file_failure(&e))?;
-    Model::from_weights(&weights).map_err(|e| model_failure(&e).at(name.to_owned()))
+    decode_model(name, bytes)
 }
 
 /// Where trained garments say that an outfit lies on somebody [m]; nothing if one of them was not
@@ -71,7 +64,7 @@ fn taught(piece: &Piece) -> Option<Model> {
     let garment = &piece.garment;
     let known = piece.sha256.is_none().then_some(&garment.name)?;
     let (name, bytes) = TAUGHT.iter().find(|t| t.0 == known)?;
-    let model = read(name, bytes).ok()?;
+    let model = decode_model(name, bytes).ok()?;
     let same = model.notes.get("topology") == Some(&topology(&garment.faces));
     (same && model.n_verts() == garment.n_verts()).then_some(model)
 }
