@@ -32,6 +32,8 @@ fn a_garment_of_the_wardrobe_is_played_without_training_on_other_bodies_and_in_o
     assert_eq!(code, Some(0), "{said}");
     assert!(report.contains("\"not_taught\": []"), "{report}");
     assert!(report.contains("\"checked\": \"exact\""), "{report}");
+    let (code, _, said) = play(&folder, &["--garment", "tee", "--refine", "0"]);
+    assert_eq!(code, Some(0), "{said}");
     let own = muslin_io::read_clip(&folder.0.join("w.npz")).expect("it can be read");
 
     let other = [

@@ -135,30 +135,24 @@ pub struct Surface {
     faces: Vec<[u32; 3]>,
     /// For every face, the edge from each corner to the next.
     face_edges: Vec<[u32; 3]>,
-    n_edges: usize,
+    of_edge: Uses,
+    of_vertex: Uses,
     verts: Vec<DVec3>,
     bvh: Bvh,
-    face_normals: Vec<DVec3>,
-    edge_normals: Vec<DVec3>,
-    vertex_normals: Vec<DVec3>,
 }
 
 impl Surface {
     /// A surface over triangles, counter-clockwise seen from outside.
     pub fn new(verts: &[DVec3], faces: &[[u32; 3]]) -> Surface {
         let (face_edges, n_edges) = number_edges(faces);
-        let mut surface = Surface {
+        Surface {
             faces: faces.to_vec(),
+            of_edge: Uses::new(n_edges, &face_edges),
+            of_vertex: Uses::new(verts.len(), faces),
             face_edges,
-            n_edges,
             verts: verts.to_vec(),
             bvh: Bvh::over(&face_boxes(verts, faces)),
-            face_normals: Vec::new(),
-            edge_normals: Vec::new(),
-            vertex_normals: Vec::new(),
-        };
-        surface.find_normals();
-        surface
+        }
     }
 
     /// Moves the surface to new positions [m] of the same vertices.
@@ -166,7 +160,6 @@ impl Surface {
         self.verts.clear();
         self.verts.extend_from_slice(verts);
         self.bvh.refit(&face_boxes(verts, &self.faces));
-        self.find_normals();
     }
 
     /// Positions [m].
@@ -182,11 +175,6 @@ impl Surface {
     /// The tree over the triangles' boxes.
     pub fn bvh(&self) -> &Bvh {
         &self.bvh
-    }
-
-    /// Unit pseudo-normals at the vertices; zero where nothing is attached.
-    pub fn vertex_normals(&self) -> &[DVec3] {
-        &self.vertex_normals
     }
 
     /// Corners of a face [m].
@@ -237,13 +225,13 @@ impl Surface {
         let f = face as usize;
         let zero = w.map(|x| x <= 0.0);
         match zero {
-            [false, true, true] => self.vertex_normals[self.faces[f][0] as usize],
-            [true, false, true] => self.vertex_normals[self.faces[f][1] as usize],
-            [true, true, false] => self.vertex_normals[self.faces[f][2] as usize],
-            [false, false, true] => self.edge_normals[self.face_edges[f][0] as usize],
-            [true, false, false] => self.edge_normals[self.face_edges[f][1] as usize],
-            [false, true, false] => self.edge_normals[self.face_edges[f][2] as usize],
-            _ => self.face_normals[f],
+            [false, true, true] => self.vertex_normal(self.faces[f][0]),
+            [true, false, true] => self.vertex_normal(self.faces[f][1]),
+            [true, true, false] => self.vertex_normal(self.faces[f][2]),
+            [false, false, true] => self.edge_normal(self.face_edges[f][0]),
+            [true, false, false] => self.edge_normal(self.face_edges[f][1]),
+            [false, true, false] => self.edge_normal(self.face_edges[f][2]),
+            _ => self.face_normal(face),
         }
     }
 
@@ -278,40 +266,77 @@ impl Surface {
         });
     }
 
-    fn find_normals(&mut self) {
-        let verts = &self.verts;
-        let faces = self.faces.par_iter().with_min_len(MANY);
-        let turned = |f: &[u32; 3]| normal_and_angles(&f.map(|i| verts[i as usize]));
-        let (normals, angles): (Vec<DVec3>, Vec<[f64; 3]>) = faces.map(turned).unzip();
-        self.edge_normals.clear();
-        self.edge_normals.resize(self.n_edges, DVec3::ZERO);
-        self.vertex_normals.clear();
-        self.vertex_normals.resize(self.verts.len(), DVec3::ZERO);
-        for (k, (f, e)) in self.faces.iter().zip(&self.face_edges).enumerate() {
-            for c in 0..3 {
-                self.edge_normals[e[c] as usize] += normals[k];
-                self.vertex_normals[f[c] as usize] += normals[k] * angles[k][c];
-            }
-        }
-        self.face_normals = normals;
-        let unit = |v: &mut DVec3| *v = v.normalize_or_zero();
-        self.edge_normals.iter_mut().for_each(unit);
-        self.vertex_normals.iter_mut().for_each(unit);
+    /// Unit normal of a face; zero where it has no area.
+    fn face_normal(&self, face: u32) -> DVec3 {
+        normal(&self.corners(face)).normalize_or_zero()
+    }
+
+    fn edge_normal(&self, edge: u32) -> DVec3 {
+        let faces = self.of_edge.of(edge).iter();
+        let sum: DVec3 = faces.map(|&corner| self.face_normal(corner / 3)).sum();
+        sum.normalize_or_zero()
+    }
+
+    /// Unit pseudo-normal at a vertex; zero where nothing is attached.
+    pub fn vertex_normal(&self, vertex: u32) -> DVec3 {
+        let at = |&corner: &u32| {
+            let x = self.corners(corner / 3);
+            normal(&x).normalize_or_zero() * angle(&x, corner as usize % 3)
+        };
+        let sum: DVec3 = self.of_vertex.of(vertex).iter().map(at).sum();
+        sum.normalize_or_zero()
+    }
+
+    /// Unit pseudo-normals at all vertices.
+    pub fn vertex_normals(&self) -> Vec<DVec3> {
+        let all = (0..self.verts.len() as u32).into_par_iter();
+        let all = all.with_min_len(MANY);
+        all.map(|i| self.vertex_normal(i)).collect()
     }
 }
 
-/// Faces that are worth handing to another thread.
-const MANY: usize = 2048;
+/// Vertices that are worth handing to another thread.
+const MANY: usize = 1024;
 
-/// Unit normal of a triangle, zero where it has no area, and the angles at its corners.
-fn normal_and_angles(x: &[DVec3; 3]) -> (DVec3, [f64; 3]) {
-    let (a, b, c) = (x[1] - x[0], x[2] - x[0], x[2] - x[1]);
-    let n = a.cross(b);
-    let twice = n.length();
-    // The same area lies between any two sides, and the angles sum to half a turn.
-    let (first, second) = (twice.atan2(a.dot(b)), twice.atan2(-a.dot(c)));
-    let third = (std::f64::consts::PI - first - second).max(0.0);
-    (n.normalize_or_zero(), [first, second, third])
+/// Normal of a triangle, twice its area long [m²].
+fn normal(x: &[DVec3; 3]) -> DVec3 {
+    (x[1] - x[0]).cross(x[2] - x[0])
+}
+
+/// Angle at a corner of a triangle [rad].
+fn angle(x: &[DVec3; 3], corner: usize) -> f64 {
+    let [p, q, r] = [0, 1, 2].map(|k| x[(corner + k) % 3]);
+    let (a, b) = (q - p, r - p);
+    a.cross(b).length().atan2(a.dot(b))
+}
+
+/// Corners `3 face + corner` of every vertex or edge, in ascending order.
+#[derive(Clone, Debug)]
+struct Uses {
+    start: Vec<u32>,
+    corners: Vec<u32>,
+}
+
+impl Uses {
+    fn new(n: usize, used: &[[u32; 3]]) -> Uses {
+        let mut start = vec![0; n + 1];
+        let used = used.as_flattened();
+        used.iter().for_each(|&i| start[i as usize + 1] += 1);
+        for i in 0..n {
+            start[i + 1] += start[i];
+        }
+        let (mut next, mut corners) = (start.clone(), vec![0; used.len()]);
+        for (corner, &i) in used.iter().enumerate() {
+            corners[next[i as usize] as usize] = corner as u32;
+            next[i as usize] += 1;
+        }
+        Uses { start, corners }
+    }
+
+    fn of(&self, i: u32) -> &[u32] {
+        let i = i as usize;
+        &self.corners[self.start[i] as usize..self.start[i + 1] as usize]
+    }
 }
 
 /// Where the way from `p` by `d` passes through a triangle, and whether along its normal.

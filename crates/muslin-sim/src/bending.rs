@@ -12,7 +12,7 @@ use crate::{
 };
 
 /// `Q`: entries where stretch has a block as well, and those it has not.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Bending {
     /// Per place of the pattern's `near` rows [N/m].
     pub near: Vec<f64>,

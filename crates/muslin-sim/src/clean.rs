@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use crate::{cloth::SimError, crossings, quality::Settled, relief, stage::Stage, weave::Weave};
+use crate::{cloth::SimError, quality::Settled, relief, stage::Stage, weave::Weave};
 
 /// Rounds of untangling and covering at the end.
 const CLEANINGS: usize = 8;
@@ -39,7 +39,7 @@ pub(crate) fn finish(
         }
     }
     let yielded = give(stage, cores);
-    let crossing = crossings::crossing_faces(stage.weave, &mut stage.tree, &stage.x).len();
+    let crossing = stage.in_itself().len();
     let meeting = stage.in_body().len();
     let measured = Settled::measure(weave, stage.x.clone(), &stage.body.now, (crossing, meeting));
     Ok(Settled {

@@ -6,15 +6,16 @@
 //! handles do to the energy is `Pᵀ A P`, solved exactly (additive Schwarz with a coarse space:
 //! Dryja and Widlund 1987, as used for cloth by Wu and others 2022).
 
-use glam::{DMat3, Mat3A, Vec3A};
+use glam::{DMat3, Mat3A, Vec3, Vec3A};
 
 use crate::{
+    bending::Bending,
     matrix::{Matrix, STENCIL, narrow},
     pattern::{Pattern, Rows},
 };
 
 /// Edges from a handle to the places that the next one answers for, at least.
-const SPACING: u32 = 6;
+const SPACING: u32 = 8;
 /// Handles at most: their system is solved densely.
 const MOST: usize = 110;
 
@@ -27,12 +28,15 @@ pub(crate) struct Handles {
     shares: Vec<f32>,
     /// For every handle the vertices it moves, and their shares in it.
     moved: Vec<Vec<(u32, f32)>>,
+    /// Bending across hinges as handles see it, which is the same in every pose: for every handle the
+    /// numbers to those before it and itself [N/m].
+    bent: Vec<Vec<f32>>,
 }
 
 impl Handles {
-    /// Handles over cloth whose vertices have these neighbours; none where cloth is in too many
-    /// pieces for few of them.
-    pub fn new(near: &Rows) -> Option<Handles> {
+    /// Handles over cloth whose vertices have these neighbours, and bend with those across hinges; none
+    /// where cloth is in too many pieces for few of them.
+    pub fn new(near: &Rows, bending: &Bending) -> Option<Handles> {
         let spacings = (0..6).map(|k| SPACING << k);
         let (spacing, centres) = spacings
             .map(|s| (s, centres(near, s)))
@@ -60,7 +64,32 @@ impl Handles {
                 moved[of.items[k] as usize].push((v as u32, shares[k]));
             }
         }
-        Some(Handles { of, shares, moved })
+        let handles = Handles {
+            of,
+            shares,
+            moved,
+            bent: Vec::new(),
+        };
+        let bent = (0..handles.len()).map(|a| handles.bent(a, bending));
+        Some(Handles {
+            bent: bent.collect(),
+            ..handles
+        })
+    }
+
+    /// What handle `a` meets of the hinges' far ends.
+    fn bent(&self, a: usize, bending: &Bending) -> Vec<f32> {
+        let mut row = vec![0.0; a + 1];
+        for &(i, share) in &self.moved[a] {
+            for k in bending.far.span(i as usize) {
+                let pull = bending.far_single[k] * share;
+                for (j, sign) in [(bending.far.items[k], 1.0), (i, -1.0)] {
+                    let before = self.row(j as usize).take_while(|h| h.0 <= a);
+                    before.for_each(|(b, other)| row[b] += sign * pull * other);
+                }
+            }
+        }
+        row
     }
 
     fn len(&self) -> usize {
@@ -194,21 +223,18 @@ fn inverse_wholes(matrix: &Matrix<'_>) -> Vec<Mat3A> {
 /// The matrix as handles see it: for every handle the blocks to those before it and itself.
 fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<Mat3A>> {
     use rayon::prelude::*;
-    let (near, far) = (&matrix.pattern.near, &matrix.bending.far);
+    let near = &matrix.pattern.near;
     let row = |a: usize| {
-        let mut row = vec![Mat3A::ZERO; a + 1];
+        let whole = |k: &f32| Mat3A::from_diagonal(Vec3::splat(*k));
+        let mut row: Vec<Mat3A> = handles.bent[a].iter().map(whole).collect();
         let mut add = |j: u32, block: Mat3A| {
             let before = handles.row(j as usize).take_while(|h| h.0 <= a);
             before.for_each(|(b, other)| row[b] += block * other);
         };
         for &(i, share) in &handles.moved[a] {
-            add(i, matrix.diagonal(i as usize) * share);
+            add(i, matrix.stretched(i as usize) * share);
             for k in near.span(i as usize).filter(|k| near.items[*k] != i) {
                 add(near.items[k], matrix.blocks[k] * share);
-            }
-            for k in far.span(i as usize) {
-                let pull = Vec3A::splat(matrix.bending.far_single[k] * share);
-                add(far.items[k], Mat3A::from_diagonal(pull.into()));
             }
         }
         row
@@ -306,10 +332,18 @@ mod tests {
             .collect()
     }
 
+    /// Cloth of `n` vertices without hinges.
+    fn unbent(n: usize) -> Bending {
+        Bending {
+            far: Rows::counted(n, &[]),
+            ..Bending::default()
+        }
+    }
+
     #[test]
     fn shares_of_a_vertex_sum_to_one_and_every_vertex_has_a_handle() {
         let pattern = Pattern::new(900, &sheet());
-        let handles = Handles::new(&pattern.near).expect("one sheet");
+        let handles = Handles::new(&pattern.near, &unbent(900)).expect("one sheet");
         assert!((6..60).contains(&handles.len()), "{}", handles.len());
         for v in 0..900 {
             let total: f32 = handles.row(v).map(|h| h.1).sum();
@@ -321,7 +355,7 @@ mod tests {
     #[test]
     fn crumbs_get_no_handles() {
         let faces: Vec<[u32; 3]> = (0..200).map(|k| [3 * k, 3 * k + 1, 3 * k + 2]).collect();
-        assert!(Handles::new(&Pattern::new(600, &faces).near).is_none());
+        assert!(Handles::new(&Pattern::new(600, &faces).near, &unbent(600)).is_none());
     }
 
     #[test]

@@ -8,8 +8,8 @@ use crate::{
     simulate::Walk,
 };
 
-/// Frames from one look at how the body folds into itself to the next.
-const STRIDE: usize = 8;
+/// Time from one look at how the body folds into itself to the next [s].
+const STRIDE: f64 = 0.27;
 /// Skin this near to what cloth is worn on gives way too [m].
 pub(crate) const AROUND: f64 = 0.03;
 
@@ -19,6 +19,8 @@ pub(crate) struct Dents<'a> {
     flesh: Flesh,
     worn_on: Vec<bool>,
     room: f64,
+    /// Frames from one look to the next.
+    stride: usize,
     looks: [(usize, Vec<DVec3>); 2],
 }
 
@@ -30,6 +32,7 @@ impl<'a> Dents<'a> {
             walk,
             worn_on,
             room,
+            stride: ((STRIDE * walk.fps).round() as usize).max(1),
             looks: [nothing(), nothing()],
         }
     }
@@ -65,8 +68,11 @@ impl<'a> Dents<'a> {
     }
 
     fn around(&self, k: usize) -> (usize, usize) {
-        let from = k / STRIDE * STRIDE;
-        (from, (from + STRIDE).min(self.walk.frames - 1).max(from))
+        let from = k / self.stride * self.stride;
+        (
+            from,
+            (from + self.stride).min(self.walk.frames - 1).max(from),
+        )
     }
 
     fn look(&self, k: usize) -> Vec<DVec3> {

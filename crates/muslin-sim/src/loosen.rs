@@ -85,7 +85,7 @@ fn beyond(cloth: &Cloth, x: &[DVec3]) -> f64 {
 
 /// Takes the body in and out again, the cloth moving freely all the while.
 fn loosen(stage: &mut Stage<'_>, body: &Frame, go_on: GoOn<'_>) -> Result<(), SimError> {
-    let normals = stage.body.now.vertex_normals().to_vec();
+    let normals = stage.body.now.vertex_normals();
     let drawn_in = |share: f64| -> Vec<DVec3> {
         let at = |i: usize| {
             let by = (body.cores.get(i), DEPTH * share);

@@ -132,14 +132,17 @@ impl<'a> Matrix<'a> {
     }
 
     /// The block on the diagonal, without links.
-    pub fn diagonal(&self, i: usize) -> Mat3A {
+    fn diagonal(&self, i: usize) -> Mat3A {
+        let far = &self.bending.far_single[self.bending.far.span(i)];
+        self.stretched(i) - Mat3A::from_diagonal(Vec3::splat(far.iter().sum()))
+    }
+
+    /// The block on the diagonal, without links and without bending across hinges.
+    pub fn stretched(&self, i: usize) -> Mat3A {
         let here = self.pattern.diagonal[i] as usize;
         let others = self.pattern.near.span(i).filter(|k| *k != here);
         let others: Mat3A = others.map(|k| self.blocks[k]).sum();
-        let far: f32 = self.bending.far_single[self.bending.far.span(i)]
-            .iter()
-            .sum();
-        self.blocks[here] - others - Mat3A::from_diagonal(Vec3::splat(far))
+        self.blocks[here] - others
     }
 
     /// Inverses of the diagonal blocks.

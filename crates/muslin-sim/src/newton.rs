@@ -116,18 +116,18 @@ impl Problem<'_> {
         chunks.concat()
     }
 
-    /// A displacement from `x` that lowers the energy [m]; none if nothing finite was found. `kept`:
-    /// see [`crate::coarse::Far::new`].
+    /// A displacement from `x`, where the energy may be known [J], that lowers it [m]; none if nothing
+    /// finite was found. `kept`: see [`crate::coarse::Far::new`].
     pub fn descend(
         &self,
-        x: &[DVec3],
+        (x, energy): (&[DVec3], Option<f64>),
         effort: &Effort<'_>,
         kept: &mut Option<Factor>,
     ) -> Option<Vec<DVec3>> {
         let (gradient, matrix) = self.assemble(x);
         let down: Vec<DVec3> = gradient.iter().map(|g| -*g).collect();
         let (mut moves, _) = matrix.solve(&down, effort, kept);
-        let first = self.energy(x);
+        let first = energy.unwrap_or_else(|| self.energy(x));
         for _ in 0..HALVINGS {
             touch::keep_out(self.touches, x, &mut moves);
             let there: Vec<DVec3> = x.iter().zip(&moves).map(|(x, m)| *x + *m).collect();
@@ -269,7 +269,9 @@ mod tests {
             handles: None,
             tolerance: 1e-8,
         };
-        let moves = problem.descend(&x, &effort, &mut None).expect("finite");
+        let moves = problem
+            .descend((&x, None), &effort, &mut None)
+            .expect("finite");
         let there: Vec<DVec3> = x.iter().zip(&moves).map(|(x, m)| *x + *m).collect();
         assert!(problem.energy(&there) < problem.energy(&x));
     }
@@ -358,7 +360,7 @@ mod tests {
         };
         let (gradient, matrix) = problem.assemble(&x);
         let down: Vec<DVec3> = gradient.iter().map(|g| -*g).collect();
-        let handles = crate::coarse::Handles::new(&weave.pattern.near);
+        let handles = crate::coarse::Handles::new(&weave.pattern.near, &weave.bending);
         assert!(handles.is_some());
         let hem = |handles, iterations| {
             let effort = Effort {

@@ -111,13 +111,18 @@ impl Flesh {
     pub fn relieve(&self, posed: &Frame, gap: f64, wanted: &[bool]) -> Relief {
         let mut fold = Fold::new(self, posed);
         let mut left = 0;
+        let mut asked = wanted.to_vec();
         for _ in 0..ROUNDS {
-            let needs = fold.needs(gap, wanted);
+            let needs = fold.needs(gap, &asked);
             left = needs.iter().filter(|n| n.inside).count();
             if needs.iter().all(|n| n.depth <= 0.0) {
                 break;
             }
-            fold.draw_back(&needs, wanted);
+            let moved = fold.draw_back(&needs, wanted);
+            // Skin only ever draws back: who neither needed to nor did has no more to fear than before.
+            for (i, asked) in asked.iter_mut().enumerate() {
+                *asked &= moved[i] || needs[i].inside || needs[i].depth > 0.0;
+            }
         }
         let verts = fold.now.verts();
         let moves = verts.iter().zip(&posed.skin).map(|(a, b)| a.distance(*b));
@@ -231,7 +236,7 @@ impl<'a> Fold<'a> {
     }
 
     fn need(&self, i: usize, gap: f64) -> Need {
-        let normal = self.now.vertex_normals()[i];
+        let normal = self.now.vertex_normal(i as u32);
         let start = self.now.verts()[i];
         let ahead = self.first(i, start, normal * FAR, |_| true);
         // Whoever leaves another part by going outward from his own skin is inside it.
@@ -283,22 +288,17 @@ impl<'a> Fold<'a> {
         best
     }
 
-    /// Moves the skin back by what it needs, and its surroundings along.
-    fn draw_back(&mut self, needs: &[Need], wanted: &[bool]) {
+    /// Moves the skin back by what it needs, and its surroundings along; says who moved.
+    fn draw_back(&mut self, needs: &[Need], wanted: &[bool]) -> Vec<bool> {
         let depth: Vec<f64> = needs.iter().map(|n| n.depth).collect();
         let flesh = (self.cores, &self.flesh.near);
         let verts = dented(&self.now, flesh, depth, |i| wanted[i]);
-        let moved = self
-            .now
-            .verts()
-            .iter()
-            .zip(&verts)
-            .map(|(a, b)| a.distance(*b));
-        self.drawn
-            .iter_mut()
-            .zip(moved)
-            .for_each(|(drawn, m)| *drawn += m);
+        let moves = self.now.verts().iter().zip(&verts);
+        let moves: Vec<f64> = moves.map(|(a, b)| a.distance(*b)).collect();
+        let drawn = self.drawn.iter_mut().zip(&moves);
+        drawn.for_each(|(drawn, m)| *drawn += m);
         self.now.refit(&verts);
+        moves.iter().map(|m| *m > 0.0).collect()
     }
 }
 
@@ -342,7 +342,7 @@ fn share(mine: f64, theirs: f64) -> f64 {
 
 /// How thick the body is behind a vertex [m].
 fn thickness(skin: &Surface, i: usize) -> f64 {
-    let d = skin.vertex_normals()[i] * -FAR;
+    let d = skin.vertex_normal(i as u32) * -FAR;
     let mut best = 1.0f64;
     skin.along(skin.verts()[i] + d * 1e-3, d, |c| {
         if c.leaves {
@@ -362,7 +362,7 @@ pub(crate) fn is_soft(skin: &Surface, cores: &[DVec3], i: usize) -> bool {
 
 /// Normals averaged over two rings, so that neighbours draw back side by side.
 fn smooth_normals(skin: &Surface, near: &Rows) -> Vec<DVec3> {
-    let mut normals = skin.vertex_normals().to_vec();
+    let mut normals = skin.vertex_normals();
     for _ in 0..2 {
         normals = ordered::map(normals.len(), |i| {
             let row = near.row(i);

@@ -78,7 +78,9 @@ impl<'a> Stage<'a> {
             let inverse = carrier.frame(p as usize, &carry::Skin::of(&skin)).inverse();
             (p, inverse.transform_point3(start[p as usize]))
         };
-        let handles = options.handles.then(|| Handles::new(&weave.pattern.near));
+        let handles = options
+            .handles
+            .then(|| Handles::new(&weave.pattern.near, &weave.bending));
         let mut stage = Stage {
             pins: cloth.pins.iter().map(held).collect(),
             handles: handles.flatten(),
@@ -163,16 +165,17 @@ impl<'a> Stage<'a> {
         self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
         let all = Aabb::of(&self.x).grown(NEARBY);
         let skin = self.body.now.verts();
-        let normals = self.body.now.vertex_normals();
         let fastest = ordered::map(skin.len(), |i| {
             let around = Aabb::of(&[skin[i]]).grown(NEARBY);
             let mut most = 0.0f64;
             if !all.overlaps(&around) {
                 return most;
             }
+            let mut normal = None;
             self.tree.near(&around, |f| {
+                let normal = normal.get_or_insert_with(|| self.body.now.vertex_normal(i as u32));
                 let v = self.weave.faces[f as usize][0] as usize;
-                most = most.max((frame[i] - skin[i] - cloth(v)).dot(normals[i]).abs());
+                most = most.max((frame[i] - skin[i] - cloth(v)).dot(*normal).abs());
             });
             most
         });
@@ -191,7 +194,7 @@ impl<'a> Stage<'a> {
     }
 
     pub fn find_tangles(&mut self) {
-        let pairs = crossings::crossing_faces(self.weave, &mut self.tree, &self.x);
+        let pairs = self.in_itself();
         self.tangled.fill(false);
         for v in pairs
             .iter()
@@ -236,6 +239,11 @@ impl<'a> Stage<'a> {
     /// Pairs `[cloth face, body face]` that meet.
     pub fn in_body(&mut self) -> Vec<[u32; 2]> {
         crossings::meeting_skin(self.weave, (&mut self.tree, &self.x), &self.body.now)
+    }
+
+    /// Pairs of cloth faces that cross.
+    pub fn in_itself(&mut self) -> Vec<[u32; 2]> {
+        crossings::crossing_faces(self.weave, &mut self.tree, &self.x)
     }
 
     pub fn is_tangled(&self) -> bool {
@@ -297,6 +305,17 @@ impl<'a> Stage<'a> {
         self.pins.iter().map(at).collect()
     }
 
+    /// Puts the body into its next frame, and leads the cloth along `moves` [m], as far as it can go
+    /// without passing through itself. There both are at rest.
+    pub fn lead(&mut self, frame: &[DVec3], moves: Vec<DVec3>) {
+        self.body.advance(frame);
+        self.go(moves);
+        self.before.clone_from(&self.x);
+        self.v.fill(DVec3::ZERO);
+        self.past = None;
+        self.body.stand();
+    }
+
     /// Moves the cloth along `moves` [m], as far as it can go without passing through itself.
     fn go(&mut self, mut moves: Vec<DVec3>) {
         let cloth = (self.weave, &self.tangled[..]);
@@ -306,7 +325,7 @@ impl<'a> Stage<'a> {
 
     /// Shortens crossing lines a little, and looks again.
     fn untangle(&mut self) {
-        let pairs = crossings::crossing_faces(self.weave, &mut self.tree, &self.x);
+        let pairs = self.in_itself();
         let found = crossings::piercings(self.weave, &self.x, &pairs);
         let moves = crossings::way_back(self.weave, &self.x, &found, 1e-3);
         self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);

@@ -111,8 +111,8 @@ impl Stage<'_> {
     fn newton(&mut self, way: &Way, pace: &Pace) -> Option<Vec<Touch>> {
         let tau = way.scheme.tau;
         let first = self.touches(tau);
-        let pairs = self.start(way, &first);
-        let mut led = self.correct((way, pace), &first, &pairs)?;
+        let (pairs, energy) = self.start(way, &first);
+        let mut led = self.correct((way, pace), (&first, &pairs), energy)?;
         for _ in 1..pace.rounds {
             let far = !pace.smooth && led[0] > LED_FAR;
             if !far && quality::excess(self.weave, &self.x) < BEYOND {
@@ -121,20 +121,21 @@ impl Stage<'_> {
             // Where nobody went far, the skin is where it was seen.
             let again = (pace.smooth || led[1] > TURNED).then(|| self.touches(tau));
             let pairs = self.pairs(&self.rule(tau));
-            led = self.correct((way, pace), again.as_ref().unwrap_or(&first), &pairs)?;
+            let touches = again.as_ref().unwrap_or(&first);
+            led = self.correct((way, pace), (touches, &pairs), None)?;
         }
         Some(first)
     }
 
     /// One Newton step; how far it led 98 % of the vertices at most, and how far the one that it led
-    /// farthest [m].
+    /// farthest [m]. `energy`: where it begins [J], if that is known.
     fn correct(
         &mut self,
         on: (&Way, &Pace),
-        touches: &[Touch],
-        pairs: &[Pair],
+        met: (&[Touch], &[Pair]),
+        energy: Option<f64>,
     ) -> Option<[f64; 2]> {
-        let moves = self.solve(on, touches, pairs)?;
+        let moves = self.solve(on, met, energy)?;
         let mut lengths: Vec<f64> = moves.iter().map(|m| m.length()).collect();
         let led = [0.98, 1.0].map(|share| quality::percentile(&mut lengths, share));
         self.go(moves);
@@ -172,28 +173,29 @@ impl Stage<'_> {
     }
 
     /// Lets a step begin where the cloth was, not where it drifted to, if that costs less; the pairs
-    /// that push each other where it begins.
-    fn start(&mut self, way: &Way, touches: &[Touch]) -> Vec<Pair> {
+    /// that push each other where it begins, and the energy there [J], where that was asked.
+    fn start(&mut self, way: &Way, touches: &[Touch]) -> (Vec<Pair>, Option<f64>) {
         let rule = self.rule(way.scheme.tau);
         let pairs = self.pairs(&rule);
         if self.x == way.from {
-            return pairs;
+            return (pairs, None);
         }
         let pins = self.pin_targets();
         let problem = self.problem(way, (touches, &pairs, &pins));
-        if problem.energy(&way.from) < problem.energy(&self.x) {
+        let energy = problem.energy(&self.x);
+        if problem.energy(&way.from) < energy {
             self.x.clone_from(&way.from);
-            return self.pairs(&rule);
+            return (self.pairs(&rule), None);
         }
-        pairs
+        (pairs, Some(energy))
     }
 
     /// The moves of a Newton step [m].
     fn solve(
         &mut self,
         (way, pace): (&Way, &Pace),
-        touches: &[Touch],
-        pairs: &[Pair],
+        (touches, pairs): (&[Touch], &[Pair]),
+        energy: Option<f64>,
     ) -> Option<Vec<DVec3>> {
         let pins = self.pin_targets();
         let mut kept = self.kept.take();
@@ -207,7 +209,7 @@ impl Stage<'_> {
             handles: self.handles.as_ref(),
             tolerance,
         };
-        let moves = problem.descend(&self.x, &effort, &mut kept);
+        let moves = problem.descend((&self.x, energy), &effort, &mut kept);
         self.kept = kept;
         moves
     }
@@ -294,7 +296,7 @@ const TURNED: f64 = 5e-3;
 /// Iterations at most in a Newton step of moving cloth, and what they should reach: the next Newton
 /// step gains more than another digit of this one.
 const ITERATIONS: usize = 60;
-const LOOSE: f64 = 0.03;
+const LOOSE: f64 = 0.05;
 
 /// Stiffness of skin [N/m] per touching vertex.
 const BODY_STIFFNESS: f64 = 400.0;

@@ -6,7 +6,7 @@ use glam::DVec3;
 use muslin_body::Pose;
 use muslin_geom::{Mesh, Surface, intersecting_pairs};
 use muslin_model::{Model, Player};
-use muslin_sim::{Frame, Options, Settled, drape};
+use muslin_sim::{Frame, Guesses, Options, Refined, Settled, drape, refine};
 use rayon::prelude::*;
 
 use crate::drape::NEARLY_THERE;
@@ -37,15 +37,17 @@ pub(crate) struct Raw {
     pub inside: f64,
 }
 
-/// Frames that are solved side by side, between two questions whether to go on.
-const SIDE: usize = 8;
-/// Iterations of the second attempt at a frame that is not clean, and at the end of the third.
+/// Iterations on the linear system of a step: what they leave the next step finds again. With 40 in
+/// place of 15 a tee is led to the same energy, to a tenth of what is left, in twice the time.
+const ITERATIONS: usize = 15;
+/// Steps at the end of the way to a frame that is reached once more.
 const AGAIN: usize = 25;
+/// Predictions that are checked side by side, between two questions whether to go on.
+const SIDE: usize = 8;
 
-/// Plays all frames with that much motion and leads each by `refine` iterations of the solver to rest.
+/// Plays all frames with that much motion and leads each by `refine` steps of the solver to rest.
 ///
-/// A frame that is not clean then gets more iterations; one that still is not is reached from the
-/// nearest clean one, along the motion.
+/// A frame that is not clean then is reached once more from the nearest clean one, along the motion.
 pub(crate) fn play(
     (set, model): (&Set, &Model),
     (refine, level): (usize, f64),
@@ -53,14 +55,10 @@ pub(crate) fn play(
 ) -> Result<Played, Failure> {
     let raw = predict((set, model), (level, 1))?;
     let n = raw.frames.len();
-    let mut solved: Vec<Solved> = Vec::with_capacity(n);
-    for (c, chunk) in raw.frames.chunks(SIDE).enumerate() {
-        watch.go_on()?;
-        let solve = |(k, x): (usize, &Vec<DVec3>)| one(set, (c * SIDE + k, x), refine);
-        let done: Result<Vec<Solved>, Failure> = chunk.par_iter().enumerate().map(solve).collect();
-        solved.extend(done?);
-        watch.progress(&format!("frame {} of {n}", solved.len()));
-    }
+    let mut solved = match refine {
+        0 => shown(set, &raw.frames, watch)?,
+        _ => along((set, refine), (0, &raw.frames), watch)?,
+    };
     if refine > 0 {
         let bad: Vec<usize> = (0..n).filter(|k| solved[*k].faults > 0).collect();
         for (i, k) in bad.iter().enumerate() {
@@ -77,10 +75,13 @@ pub(crate) fn play(
     Ok(Played { reel, raw, again })
 }
 
-struct Solved {
-    cloth: Vec<DVec3>,
-    body: Vec<DVec3>,
-    told: Told,
+pub(crate) struct Solved {
+    /// Positions [m].
+    pub cloth: Vec<DVec3>,
+    /// The body it lies on [m].
+    pub body: Vec<DVec3>,
+    /// What the solver said.
+    pub told: Told,
     /// Pairs of triangles that meet and should not.
     faults: usize,
     again: bool,
@@ -103,30 +104,73 @@ impl Solved {
     }
 }
 
-fn one(set: &Set, (k, x): (usize, &[DVec3]), refine: usize) -> Result<Solved, Failure> {
-    let since = Instant::now();
-    let body = set.frame(set.moving.lead + k);
-    if refine == 0 {
+impl From<Refined> for Solved {
+    fn from(r: Refined) -> Self {
+        Self {
+            faults: r.body_intersections + r.self_crossings,
+            told: Told {
+                yielded: r.yielded,
+                body_intersections: r.body_intersections as f64,
+                steps: r.steps as f64,
+                seconds: r.seconds,
+            },
+            cloth: r.verts,
+            body: r.body,
+            again: false,
+        }
+    }
+}
+
+/// Frames as predicted.
+fn shown(set: &Set, raw: &[Vec<DVec3>], watch: &mut Watch) -> Result<Vec<Solved>, Failure> {
+    let one = |(k, x): (usize, &Vec<DVec3>)| {
+        let since = Instant::now();
+        let body = set.frame(set.moving.lead + k).skin;
         let raw = Settled {
-            body_intersections: meeting(set, x, &body.skin),
+            body_intersections: meeting(set, x, &body),
             verts: x.to_vec(),
-            body: body.skin,
+            body,
             ..Settled::default()
         };
-        return Ok(Solved::new(raw, since, false));
-    }
-    let way = (std::slice::from_ref(&body), refine);
-    let first = solve(set, x, way, false)?;
-    if faults(&first) == 0 {
-        return Ok(Solved::new(first, since, false));
-    }
-    let next = refined(set, &first.verts, (&body, AGAIN.max(refine)))?;
-    let best = if faults(&next) < faults(&first) {
-        next
-    } else {
-        first
+        Solved::new(raw, since, false)
     };
-    Ok(Solved::new(best, since, true))
+    let mut out = Vec::with_capacity(raw.len());
+    for (c, chunk) in raw.chunks(SIDE).enumerate() {
+        watch.go_on()?;
+        let numbered = chunk.par_iter().enumerate();
+        out.par_extend(numbered.map(|(k, x)| one((c * SIDE + k, x))));
+        watch.progress(&format!("frame {} of {}", out.len(), raw.len()));
+    }
+    Ok(out)
+}
+
+/// Leads predictions of the frames from `first` on to rest, `steps` each, one after the other.
+pub(crate) fn along(
+    (set, steps): (&Set, usize),
+    (first, raw): (usize, &[Vec<DVec3>]),
+    watch: &mut Watch,
+) -> Result<Vec<Solved>, Failure> {
+    let (rest, at) = (set.rest(), |k: usize| set.frame(k));
+    let walk = set.walk(&rest, &at);
+    let options = Options {
+        iterations: ITERATIONS,
+        ..NEARLY_THERE
+    };
+    let guesses = Guesses {
+        frames: raw,
+        first,
+        steps,
+    };
+    let may_go_on = watch.may_go_on();
+    let mut out = Vec::with_capacity(raw.len());
+    let deliver = |r: Refined| {
+        out.push(Solved::from(r));
+        watch.progress(&format!("frame {} of {}", out.len(), raw.len()));
+    };
+    let ended = refine(&set.cloth, &guesses, (&walk, &options, &may_go_on), deliver);
+    watch.go_on()?;
+    ended.map_err(|e| Failure::new(Exit::Numbers, "refine", e.to_string()))?;
+    Ok(out)
 }
 
 /// Solves frame `k` from the nearest clean one, else from the rest pose.
@@ -141,7 +185,7 @@ fn reach(set: &Set, k: usize, solved: &mut [Solved]) -> Result<(), Failure> {
         None => (&set.start, (0..=lead + k).collect()),
     };
     let path: Vec<Frame> = way.into_iter().map(|i| set.frame(i)).collect();
-    let settled = solve(set, start, (&path, AGAIN), true)?;
+    let settled = solve(set, start, (&path, AGAIN))?;
     if faults(&settled) < solved[k].faults {
         solved[k] = Solved::new(settled, since, true);
     }
@@ -158,18 +202,13 @@ pub(crate) fn refined(
     x: &[DVec3],
     (body, k): (&Frame, usize),
 ) -> Result<Settled, Failure> {
-    solve(set, x, (std::slice::from_ref(body), k), true)
+    solve(set, x, (std::slice::from_ref(body), k))
 }
 
-/// `again`: whether what ends with a fault is tried a second time with more care.
-fn solve(
-    set: &Set,
-    x: &[DVec3],
-    (path, k): (&[Frame], usize),
-    again: bool,
-) -> Result<Settled, Failure> {
+/// What ends with a fault is tried a second time with more care.
+fn solve(set: &Set, x: &[DVec3], (path, k): (&[Frame], usize)) -> Result<Settled, Failure> {
     let options = Options {
-        again,
+        again: true,
         last_steps: k,
         still: 0.0,
         ..NEARLY_THERE
@@ -193,8 +232,8 @@ fn meeting(set: &Set, x: &[DVec3], skin: &[DVec3]) -> usize {
     intersecting_pairs(&mesh(x, &set.cloth.faces), &body).len()
 }
 
-/// What the network says with that much motion, on one thread: every frame is played, and those
-/// at multiples of `every` are told.
+/// What the network says with that much motion, on one thread; frames at multiples of `every` are
+/// searched for vertices in the body.
 pub(crate) fn predict(
     (set, model): (&Set, &Model),
     (level, every): (f64, usize),
@@ -210,8 +249,7 @@ pub(crate) fn predict(
     }
     let rate = poses.len() as f64 / since.elapsed().as_secs_f64().max(1e-9);
     let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-    let told = flat.iter().step_by(every);
-    let frames: Vec<Vec<DVec3>> = told.map(|f| f.iter().map(wide).collect()).collect();
+    let frames: Vec<Vec<DVec3>> = flat.iter().map(|f| f.iter().map(wide).collect()).collect();
     let sound = frames.iter().flatten().all(|p| p.is_finite());
     if !sound {
         return Err(Failure::new(
@@ -220,18 +258,19 @@ pub(crate) fn predict(
             "the network gives positions that are not finite",
         ));
     }
-    let count = |(k, x): (usize, &Vec<DVec3>)| {
-        let skin = set.skin(set.moving.lead + k * every);
+    let looked: Vec<usize> = (0..frames.len()).step_by(every).collect();
+    let count = |&k: &usize| {
+        let skin = set.skin(set.moving.lead + k);
         let surface = Surface::new(&skin, set.avatar.collision_faces());
         let inside = |p: &&DVec3| {
             surface
                 .closest(**p, 0.05)
                 .is_some_and(|hit| hit.signed < 0.0)
         };
-        x.iter().filter(inside).count()
+        frames[k].iter().filter(inside).count()
     };
-    let inside: usize = frames.par_iter().enumerate().map(count).sum();
-    let all = (frames.len() * player.n_verts()).max(1);
+    let inside: usize = looked.par_iter().map(count).sum();
+    let all = (looked.len() * player.n_verts()).max(1);
     Ok(Raw {
         rate,
         inside: 100.0 * inside as f64 / all as f64,

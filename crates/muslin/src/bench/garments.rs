@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::clock::{least_of, load};
 use super::needed;
-use crate::animate::{as_trained, fits, model_failure, predict, read_model, refined};
+use crate::animate::{along, as_trained, fits, model_failure, predict, read_model, refined};
 use crate::dress::asked_shape;
 use crate::evaluate::evaluate;
 use crate::failure::{Exit, Failure};
@@ -24,6 +24,7 @@ use crate::simulate::motion;
 use crate::simulate::reel::{Reel, Told};
 use crate::simulate::set::Set;
 use crate::table::Table;
+use crate::watch::Watch;
 
 /// Recordings that nothing which ships may learn from.
 pub const HELD_OUT: [&str; 3] = [
@@ -33,6 +34,8 @@ pub const HELD_OUT: [&str; 3] = [
 ];
 /// Solver iterations of the refined tier.
 const REFINE: usize = 5;
+/// Frames that the refined tier was led through up to one that is looked at: half a run of them.
+const LONG: usize = 15;
 /// Iterations that lead from there to the minimiser.
 const CONVERGED: usize = 120;
 
@@ -110,7 +113,7 @@ impl Subject {
         let taught = self.note("fps").parse().unwrap_or(30.0);
         match self.model.encoder.is_moving() {
             true => (taught, (taught / LOOKS).round().max(1.0) as usize),
-            false => (LOOKS, 1),
+            false => (30.0, 6),
         }
     }
 
@@ -203,16 +206,20 @@ fn one_clip(
     let mut tiers: [Tier; 4] = Default::default();
     let frames: Vec<usize> = (0..n).map(|i| (2 * i + 1) * all / (2 * n)).collect();
     let solve = |k: &usize| {
-        let body = set.frame(set.moving.lead + k * every);
-        let near = refined(&set, &raw.frames[*k], (&body, REFINE))?;
-        let rest = refined(&set, &near.verts, (&body, CONVERGED))?;
+        let body = set.frame(set.moving.lead + k);
+        let first = (k + 1).saturating_sub(LONG);
+        let way = (first, &raw.frames[first..=*k]);
+        let near = along((&set, REFINE), way, &mut Watch::nobody())?.pop();
+        let near = near.expect("the way ends in this frame");
+        let rest = refined(&set, &near.cloth, (&body, CONVERGED))?;
         Ok((*k, body, near, rest))
     };
     let solved: Result<Vec<_>, Failure> = frames.par_iter().map(solve).collect();
     for (k, body, near, rest) in solved? {
         tiers[0].add(&set.cloth, (&skinned.frames[k], &body.skin));
         tiers[1].add(&set.cloth, (&raw.frames[k], &body.skin));
-        tiers[2].settled(&set.cloth, &near);
+        tiers[2].add(&set.cloth, (&near.cloth, &near.body));
+        tiers[2].body_pairs += near.told.body_intersections as usize;
         tiers[3].settled(&set.cloth, &rest);
     }
     let names = ["skinned", "network", "refined", "minimiser"];

@@ -4,7 +4,7 @@ use glam::DVec3;
 use muslin_body::{Avatar, Cores, Figure, Part};
 use muslin_geom::Drape;
 use muslin_io::{Clip, sha256};
-use muslin_sim::{Cloth, Frame};
+use muslin_sim::{Cloth, Frame, Walk};
 
 use crate::drape::{cloth, put_on};
 use crate::failure::Failure;
@@ -64,6 +64,23 @@ impl<'a> Set<'a> {
     pub fn frame(&self, k: usize) -> Frame {
         let posed = self.avatar.pose(&self.figure, &self.moving.motion.poses[k]);
         body_frame(self.avatar, &posed, &self.cores)
+    }
+
+    /// The motion as the solver meets it; `rest` and `at` as [`rest`](Self::rest) and
+    /// [`frame`](Self::frame) say.
+    pub fn walk<'w>(
+        &'w self,
+        rest: &'w [DVec3],
+        at: &'w (dyn Fn(usize) -> Frame + Sync),
+    ) -> Walk<'w> {
+        Walk {
+            faces: self.avatar.collision_faces(),
+            rest,
+            frames: self.moving.motion.poses.len(),
+            lead: self.moving.lead,
+            fps: self.moving.motion.fps,
+            at,
+        }
     }
 
     /// The skin at rest [m].

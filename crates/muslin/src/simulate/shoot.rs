@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use muslin_io::Journal;
-use muslin_sim::{Moment, Options, SimError, State, Walk, simulate_while};
+use muslin_sim::{Moment, Options, SimError, State, simulate_while};
 
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
@@ -27,14 +27,7 @@ pub fn shoot(set: &Set, (part, resume): (&Path, bool), watch: &mut Watch) -> Res
         return Ok(take.reel);
     }
     let (rest, at) = (set.rest(), |k: usize| set.frame(k));
-    let walk = Walk {
-        faces: set.avatar.collision_faces(),
-        rest: &rest,
-        frames: set.moving.motion.poses.len(),
-        lead: set.moving.lead,
-        fps: set.moving.motion.fps,
-        at: &at,
-    };
+    let walk = set.walk(&rest, &at);
     watch.progress("on the way from the rest pose into the motion");
     let may_go_on = watch.may_go_on();
     let (mut stopped, mut pace) = (Ok(()), Pace::new(take.reel.len()));

@@ -1,0 +1,135 @@
+//! Guesses of where cloth lies on a moving body, led to rest frame after frame.
+//!
+//! What the solver changed in one frame is kept in the next: cloth goes from where it was led to by as
+//! much as the guess goes on, what was changed turning with the body, never through itself, and is led
+//! to rest from there. So a few steps are enough, and folds do not jump from frame to frame.
+
+use std::time::Instant;
+
+use glam::DVec3;
+use muslin_geom::Surface;
+
+use crate::{
+    carry::Carrier,
+    clean,
+    cloth::{Cloth, SimError, finite, same},
+    dents::Dents,
+    drape::{GoOn, Options, asked},
+    ordered,
+    simulate::Walk,
+    stage::{Pace, Stage},
+    weave::Weave,
+};
+
+/// Where cloth may lie on a moving body, and how much is done to find where it does.
+pub struct Guesses<'a> {
+    /// Positions [m] in some frames, one after the other.
+    pub frames: &'a [Vec<DVec3>],
+    /// The number of the first of them, the lead-in not counted.
+    pub first: usize,
+    /// Steps that each is led by.
+    pub steps: usize,
+}
+
+/// Share of what was changed that the next frame starts with: all of it drags folds along that the guess
+/// has left behind.
+const HELD: f64 = 0.9;
+/// How many times as many steps the first of some frames needs: it knows of no frame before it.
+const FIRST: usize = 3;
+
+/// A frame that was led to rest.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Refined {
+    /// Positions [m].
+    pub verts: Vec<DVec3>,
+    /// The body that the cloth rests on [m]: the given one, drawn back where it folds into itself.
+    pub body: Vec<DVec3>,
+    /// How far the skin drew back at most [m].
+    pub yielded: f64,
+    /// Pairs of cloth and body triangles that meet, by exact predicates.
+    pub body_intersections: usize,
+    /// Pairs of cloth triangles that cross, by exact predicates.
+    pub self_crossings: usize,
+    /// Steps that the frame took.
+    pub steps: usize,
+    /// How long they took [s].
+    pub seconds: f64,
+}
+
+/// Leads `guesses` to rest on the body of `walk`, for as long as `go_on` says so, and hands every frame
+/// to `deliver`.
+pub fn refine(
+    cloth: &Cloth,
+    guesses: &Guesses<'_>,
+    (walk, options, go_on): (&Walk<'_>, &Options, GoOn<'_>),
+    deliver: impl FnMut(Refined) + Send,
+) -> Result<(), SimError> {
+    let weave = Weave::new(cloth)?;
+    finite("body vertex", walk.rest)?;
+    for guess in guesses.frames {
+        same("guess", guess.len(), cloth.n_verts())?;
+        finite("guessed vertex", guess)?;
+    }
+    let Some(start) = guesses.frames.first() else {
+        return Ok(());
+    };
+    let begin = (walk.at)(walk.lead + guesses.first);
+    begin.check(walk.rest.len())?;
+    let skin = Surface::new(&begin.skin, walk.faces);
+    let worn_on = Carrier::new(&skin, start).worn_on(&skin);
+    let mut run = Run {
+        dents: Dents::new(walk, worn_on, options.room(cloth)),
+        stage: Stage::new(&weave, start, skin, cloth, *options),
+        pace: Pace::calm(options.step, options.keep),
+        deliver,
+    };
+    // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
+    rayon::join(|| run.all(guesses, (walk.lead, go_on)), || ()).0
+}
+
+struct Run<'a, D> {
+    dents: Dents<'a>,
+    stage: Stage<'a>,
+    pace: Pace,
+    deliver: D,
+}
+
+impl<D: FnMut(Refined)> Run<'_, D> {
+    fn all(
+        &mut self,
+        guesses: &Guesses<'_>,
+        (lead, go_on): (usize, GoOn<'_>),
+    ) -> Result<(), SimError> {
+        for (i, guess) in guesses.frames.iter().enumerate() {
+            asked(go_on)?;
+            let since = Instant::now();
+            let stage = &mut self.stage;
+            let k = lead + guesses.first + i;
+            let body = self.dents.frame(k)?;
+            let before = stage.steps;
+            let old = &guesses.frames[i.saturating_sub(1)];
+            let turns = stage.motions_between(stage.body.now.verts(), &body.skin);
+            let by = |v: usize| {
+                let led = turns[v].matrix3 * (stage.x[v] - old[v]);
+                guess[v] + led * HELD - stage.x[v]
+            };
+            let by = ordered::map(guess.len(), by);
+            stage.lead(&body.skin, by);
+            let times = if i == 0 { FIRST } else { 1 };
+            for _ in 0..times * guesses.steps {
+                stage.step(&self.pace)?;
+            }
+            let (skin, yielded, left) = clean::tidy(stage, &body.cores)?;
+            (self.deliver)(Refined {
+                self_crossings: stage.in_itself().len(),
+                verts: stage.x.clone(),
+                body: skin,
+                yielded: yielded + self.dents.depth(k),
+                body_intersections: left,
+                steps: stage.steps - before,
+                seconds: since.elapsed().as_secs_f64(),
+            });
+        }
+        Ok(())
+    }
+}
