@@ -96,6 +96,12 @@ impl Handles {
         self.moved.len()
     }
 
+    /// The vertices that a handle moves, and its share in each.
+    #[cfg(test)]
+    pub fn moved(&self, handle: usize) -> &[(u32, f32)] {
+        &self.moved[handle]
+    }
+
     /// The handles that move a vertex, and their shares.
     fn row(&self, v: usize) -> impl Iterator<Item = (usize, f32)> {
         let span = self.of.span(v);
@@ -221,7 +227,7 @@ fn inverse_wholes(matrix: &Matrix<'_>) -> Vec<Mat3A> {
 }
 
 /// The matrix as handles see it: for every handle the blocks to those before it and itself.
-fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<Mat3A>> {
+pub(crate) fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<Mat3A>> {
     use rayon::prelude::*;
     let near = &matrix.pattern.near;
     let row = |a: usize| {

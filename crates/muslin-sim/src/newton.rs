@@ -336,6 +336,50 @@ mod tests {
     }
 
     #[test]
+    fn handles_see_what_their_moves_do_to_the_whole_matrix() {
+        let (cloth, mut x) = long_sheet();
+        for (i, x) in x.iter_mut().enumerate() {
+            x.z = 1e-3 * (1.9 * i as f64).sin();
+        }
+        let weave = Weave::new(&cloth).expect("a valid cloth");
+        let barrier = Barrier {
+            radius: 3e-3,
+            width: 1e-3,
+            stiffness: 400.0,
+        };
+        let problem = Problem {
+            weave: &weave,
+            target: &x,
+            step: 0.02,
+            gravity: DVec3::ZERO,
+            touches: &[],
+            pairs: &[],
+            barrier,
+            pins: &[(7, x[7])],
+            pin: 100.0,
+        };
+        let (_, matrix) = problem.assemble(&x);
+        let handles = crate::coarse::Handles::new(&weave.pattern.near, &weave.bending);
+        let handles = handles.expect("one sheet");
+        for (a, row) in crate::coarse::seen(&matrix, &handles).iter().enumerate() {
+            for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+                let mut p = vec![DVec3::ZERO; x.len()];
+                for &(v, share) in handles.moved(a) {
+                    p[v as usize] = axis * f64::from(share);
+                }
+                let pulls = matrix.times(&p);
+                for (b, block) in row.iter().enumerate() {
+                    let on = |&(v, share): &(u32, f32)| pulls[v as usize] * f64::from(share);
+                    let want: DVec3 = handles.moved(b).iter().map(on).sum();
+                    let got = (block.transpose() * axis.as_vec3a()).as_dvec3();
+                    let size = f64::from((row[a] * axis.as_vec3a()).length());
+                    assert!((got - want).length() < 1e-3 * size, "{a} {b}: {got} {want}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn handles_carry_a_pull_across_cloth_in_a_few_iterations() {
         let (cloth, x) = long_sheet();
         let weave = Weave::new(&cloth).expect("a valid cloth");
