@@ -31,9 +31,6 @@ pub struct Guesses<'a> {
     pub steps: usize,
 }
 
-/// Share of what was changed that the next frame starts with: all of it drags folds along that the guess
-/// has left behind.
-const HELD: f64 = 0.9;
 /// How many times as many steps the first of some frames needs: it knows of no frame before it.
 const FIRST: usize = 3;
 
@@ -111,7 +108,7 @@ impl<D: FnMut(Refined)> Run<'_, D> {
             let turns = stage.motions_between(stage.body.now.verts(), &body.skin);
             let by = |v: usize| {
                 let led = turns[v].matrix3 * (stage.x[v] - old[v]);
-                guess[v] + led * HELD - stage.x[v]
+                guess[v] + led - stage.x[v]
             };
             let by = ordered::map(guess.len(), by);
             stage.lead(&body.skin, by);
