@@ -276,26 +276,34 @@ mod tests {
         assert!(problem.energy(&there) < problem.energy(&x));
     }
 
+    /// Cloth that starts from `x` [m] and meets nothing, in a step of `step` [s].
+    fn untouched<'a>(
+        weave: &'a Weave,
+        x: &'a [DVec3],
+        (step, pins): (f64, &'a [(u32, DVec3)]),
+    ) -> Problem<'a> {
+        Problem {
+            weave,
+            target: x,
+            step,
+            gravity: DVec3::ZERO,
+            touches: &[],
+            pairs: &[],
+            barrier: Barrier {
+                radius: 3e-3,
+                width: 1e-3,
+                stiffness: 400.0,
+            },
+            pins,
+            pin: 100.0,
+        }
+    }
+
     #[test]
     fn conjugate_gradients_solve_the_system() {
         let (cloth, x) = crumpled();
         let weave = Weave::new(&cloth).expect("a valid cloth");
-        let barrier = Barrier {
-            radius: 3e-3,
-            width: 1e-3,
-            stiffness: 400.0,
-        };
-        let problem = Problem {
-            weave: &weave,
-            target: &x,
-            step: 0.03,
-            gravity: DVec3::ZERO,
-            touches: &[],
-            pairs: &[],
-            barrier,
-            pins: &[],
-            pin: 100.0,
-        };
+        let problem = untouched(&weave, &x, (0.03, &[]));
         let (gradient, matrix) = problem.assemble(&x);
         let (solution, _) = matrix.solve(
             &gradient,
@@ -342,22 +350,8 @@ mod tests {
             x.z = 1e-3 * (1.9 * i as f64).sin();
         }
         let weave = Weave::new(&cloth).expect("a valid cloth");
-        let barrier = Barrier {
-            radius: 3e-3,
-            width: 1e-3,
-            stiffness: 400.0,
-        };
-        let problem = Problem {
-            weave: &weave,
-            target: &x,
-            step: 0.02,
-            gravity: DVec3::ZERO,
-            touches: &[],
-            pairs: &[],
-            barrier,
-            pins: &[(7, x[7])],
-            pin: 100.0,
-        };
+        let pins = [(7, x[7])];
+        let problem = untouched(&weave, &x, (0.02, &pins));
         let (_, matrix) = problem.assemble(&x);
         let handles = crate::coarse::Handles::new(&weave.pattern.near, &weave.bending);
         let handles = handles.expect("one sheet");
@@ -383,25 +377,10 @@ mod tests {
     fn handles_carry_a_pull_across_cloth_in_a_few_iterations() {
         let (cloth, x) = long_sheet();
         let weave = Weave::new(&cloth).expect("a valid cloth");
-        let barrier = Barrier {
-            radius: 3e-3,
-            width: 1e-3,
-            stiffness: 400.0,
-        };
         let pins: Vec<(u32, DVec3)> = (0..10)
             .map(|i| (i, x[i as usize] + DVec3::Y * 1e-3))
             .collect();
-        let problem = Problem {
-            weave: &weave,
-            target: &x,
-            step: 0.02,
-            gravity: DVec3::ZERO,
-            touches: &[],
-            pairs: &[],
-            barrier,
-            pins: &pins,
-            pin: 100.0,
-        };
+        let problem = untouched(&weave, &x, (0.02, &pins));
         let (gradient, matrix) = problem.assemble(&x);
         let down: Vec<DVec3> = gradient.iter().map(|g| -*g).collect();
         let handles = crate::coarse::Handles::new(&weave.pattern.near, &weave.bending);

@@ -28,8 +28,8 @@ use crate::wardrobe;
 use crate::watch::Watch;
 use muslin_garment::Cut;
 
-use frames::Played;
-pub(crate) use frames::{along, play, predict, refined};
+use frames::{Played, play};
+pub(crate) use frames::{along, predict, refined};
 pub use options::AnimateOptions;
 
 /// How many stages an animation has.
