@@ -110,5 +110,6 @@ fn model((n, codes, width): (usize, usize, usize)) -> Model {
             .iter()
             .map(|x| 0.01 * x)
             .collect(),
+        sway: None,
     }
 }

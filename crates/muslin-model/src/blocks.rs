@@ -6,6 +6,7 @@
 
 use std::cmp::Reverse;
 
+use crate::swing::n_swings;
 use crate::{Model, Skin};
 
 /// Vertices in a block.
@@ -21,7 +22,7 @@ pub(crate) struct Wide(pub [f32; WIDE]);
 pub(crate) struct Blocks {
     /// How many vertices there are; places beyond them belong to none.
     pub n_verts: usize,
-    /// Codes without the constant one.
+    /// Codes that a frame is mixed by: those of the pose without the constant one, then the swings.
     pub n_codes: usize,
     /// The vertex at each place.
     pub order: Vec<u32>,
@@ -43,11 +44,11 @@ pub(crate) struct Blocks {
 
 impl Blocks {
     pub fn new(model: &Model) -> Self {
-        let (n, k) = (model.n_verts(), model.n_codes());
-        let by_code: Vec<f32> = (0..k - 1).map(|c| column(model, c)).collect();
+        let n_codes = model.n_codes() - 1 + n_swings(model);
+        let by_code: Vec<f32> = (0..n_codes).map(|c| column(model, c)).collect();
         let mut out = Self {
-            n_verts: n,
-            n_codes: k - 1,
+            n_verts: model.n_verts(),
+            n_codes,
             order: alike(&model.skin),
             base: Vec::new(),
             modes: Vec::new(),
@@ -72,23 +73,25 @@ impl Blocks {
 
     /// Adds the shapes of a block.
     fn shape(&mut self, model: &Model, verts: &[u32]) {
-        let k = model.n_codes();
-        let entry = |v: u32, axis: usize, c: usize| model.modes[(3 * v as usize + axis) * k + c];
+        let constant = model.n_codes() - 1;
+        let row = |v: u32, axis: usize| 3 * v as usize + axis;
+        let at = |v: u32, axis: usize, c: usize| entry(model, row(v, axis), c);
         let mut base = [Wide::default(); 3];
         let mut most = 0.0f32;
         for (i, &v) in verts.iter().enumerate() {
             for axis in 0..3 {
-                base[axis].0[i] = model.template[v as usize][axis] + entry(v, axis, k - 1);
-                let all = (0..k - 1).map(|c| entry(v, axis, c) / self.by_code[c]);
+                let fixed = model.modes[row(v, axis) * (constant + 1) + constant];
+                base[axis].0[i] = model.template[v as usize][axis] + fixed;
+                let all = (0..self.n_codes).map(|c| at(v, axis, c) / self.by_code[c]);
                 most = all.fold(most, |a, x| a.max(x.abs()));
             }
         }
         let step = most.max(f32::MIN_POSITIVE) / f32::from(i16::MAX);
-        for c in 0..k - 1 {
+        for c in 0..self.n_codes {
             for axis in 0..3 {
                 let mut row = [0i16; WIDE];
                 for (to, &v) in row.iter_mut().zip(verts) {
-                    *to = (entry(v, axis, c) / self.by_code[c] / step).round() as i16;
+                    *to = (at(v, axis, c) / self.by_code[c] / step).round() as i16;
                 }
                 self.modes.push(row);
             }
@@ -115,9 +118,18 @@ impl Blocks {
     }
 }
 
+/// Code `c`'s share in a coordinate.
+fn entry(model: &Model, row: usize, c: usize) -> f32 {
+    let posed = model.n_codes() - 1;
+    match &model.sway {
+        Some(s) if c >= posed => s.shapes[row * s.len() + c - posed],
+        _ => model.modes[row * (posed + 1) + c],
+    }
+}
+
 /// The largest entry of a code's shape; one where it has none.
 fn column(model: &Model, c: usize) -> f32 {
-    let all = model.modes.iter().skip(c).step_by(model.n_codes());
+    let all = (0..3 * model.n_verts()).map(|row| entry(model, row, c));
     match all.fold(0.0f32, |a, x| a.max(x.abs())) {
         0.0 => 1.0,
         most => most,

@@ -7,7 +7,7 @@
 //! `x = Σ w_b A_b (template + M z(pose))`: a small network reads the pose and mixes a few tens of
 //! learnt shapes of the cloth (the rows of `M`), which are then skinned like the body. The network
 //! is an [`Encoder`]: our own, or one of the published systems', some of which remember the poses
-//! before.
+//! before. Cloth in motion swings about what the pose tells, as its [`Sway`] says.
 
 mod blocks;
 mod decode;
@@ -20,6 +20,8 @@ mod model;
 mod player;
 mod stored;
 mod stream;
+mod sway;
+mod swing;
 
 pub use describe::Reader;
 pub use encoder::{Encoder, Ncs, Snug};
@@ -27,3 +29,4 @@ pub use error::ModelError;
 pub use model::{Model, Skin};
 pub use player::Player;
 pub use stream::Stream;
+pub use sway::Sway;

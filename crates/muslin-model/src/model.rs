@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::Encoder;
+use crate::{Encoder, Sway};
 
 /// Which bones move each vertex, and how strongly.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,12 +53,19 @@ pub struct Model {
     /// `M` [m]: for every coordinate of every vertex a row with one entry per code; the last code
     /// is always one.
     pub modes: Vec<f32>,
+    /// How the cloth swings, if that is known.
+    pub sway: Option<Sway>,
 }
 
 impl Model {
     /// How many vertices the cloth has.
     pub fn n_verts(&self) -> usize {
         self.template.len()
+    }
+
+    /// Whether its share of motion can be turned up and down.
+    pub fn has_motion_level(&self) -> bool {
+        self.encoder.has_motion_level() || self.sway.as_ref().is_some_and(|s| !s.is_empty())
     }
 
     /// How many codes there are, the one that is always one included.

@@ -6,10 +6,14 @@ use muslin_body::{Avatar, Pose};
 use crate::blocks::{Blocks, Wide};
 use crate::decode::{Affine, Many, One};
 use crate::mind::Mind;
+use crate::swing::Swing;
 use crate::{Model, ModelError, Stream};
 
 /// Frames that [`Player::frames`] works on together.
 const BATCH: usize = 32;
+
+/// Seconds from pose to pose until a sequence says otherwise.
+pub(crate) const STEP: f64 = 1.0 / 30.0;
 
 /// Plays a [`Model`]; all memory it needs is taken when it is made.
 ///
@@ -19,6 +23,7 @@ pub struct Player {
     stream: Stream,
     scale: Vec<[f32; 2]>,
     mind: Mind,
+    swing: Option<Swing>,
     blocks: Blocks,
     /// The model's bones in the avatar's rig.
     rig: Vec<usize>,
@@ -43,7 +48,10 @@ impl Player {
             .map(find)
             .collect::<Result<Vec<_>, _>>()?;
         let blocks = Blocks::new(model);
+        let mut swing = Swing::new(model);
+        swing.iter_mut().for_each(|s| s.begin(STEP));
         Ok(Self {
+            swing,
             input: vec![0.0; model.encoder.n_inputs(model.drivers.len())],
             stream,
             scale: model.scale.clone(),
@@ -67,11 +75,13 @@ impl Player {
     pub fn begin(&mut self, step: f64) {
         self.stream.begin(step);
         self.mind.begin();
+        self.swing.iter_mut().for_each(|s| s.begin(step));
     }
 
     /// How much motion counts, where the model can tell it from the pose
-    /// ([`crate::Encoder::has_motion_level`]): 1 as it was taught, 0 as if the body stood still.
+    /// ([`Model::has_motion_level`]): 1 as it was taught, 0 as if the body stood still.
     pub fn set_motion_level(&mut self, level: f32) {
+        self.swing.iter_mut().for_each(|s| s.level = level);
         if let Mind::Ncs(moving) = &mut self.mind {
             moving.level = level;
         }
@@ -143,8 +153,14 @@ impl Player {
         let n = self.blocks.n_codes;
         let own = &mut self.codes[slot * n..(slot + 1) * n];
         let codes = self.mind.codes(&self.input);
-        for ((code, z), worth) in own.iter_mut().zip(codes).zip(&self.blocks.by_code) {
-            *code = z * worth;
+        let (posed, swung) = own.split_at_mut(codes.len());
+        posed.copy_from_slice(codes);
+        if let Some(swing) = &mut self.swing {
+            let m = self.rig.len();
+            swing.codes(codes, &self.affine[slot * m..(slot + 1) * m], swung);
+        }
+        for (code, worth) in own.iter_mut().zip(&self.blocks.by_code) {
+            *code *= worth;
         }
     }
 }

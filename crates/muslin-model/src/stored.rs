@@ -4,7 +4,7 @@ use half::f16;
 use muslin_net::learn::{Mlp, Nonlinear};
 use muslin_net::{Array, Numbers, Weights};
 
-use crate::{Encoder, Model, ModelError, Ncs, Skin, Snug};
+use crate::{Encoder, Model, ModelError, Ncs, Skin, Snug, Sway};
 
 /// What the notes say of the kind of file: with a network of our own, and with one that a note
 /// names.
@@ -93,6 +93,18 @@ impl Model {
             &[3 * n, self.n_codes()],
             Numbers::F16(halves(&self.modes)),
         );
+        if let Some(s) = &self.sway {
+            let (k, m) = (s.len(), s.samples.len());
+            let list = |x: &[f32]| Numbers::F32(x.to_vec());
+            let (steps, bytes) = stepped(&s.shapes, k);
+            add("sway.shapes", &[3 * n, k], Numbers::U8(bytes));
+            add("sway.steps", &[k], Numbers::F32(steps));
+            add("sway.means", &[3 * m, k], Numbers::F16(halves(&s.means)));
+            add("sway.stiffness", &[k], list(&s.stiffness));
+            add("sway.damping", &[k], list(&s.damping));
+            add("sway.samples", &[m], Numbers::U32(s.samples.clone()));
+            add("sway.masses", &[m], list(&s.masses));
+        }
         out
     }
 
@@ -123,6 +135,7 @@ impl Model {
             },
             params: from.f32s("encoder.params")?,
             modes: from.f32s("modes")?,
+            sway: from.sway()?,
         };
         model.check()?;
         Ok(model)
@@ -158,6 +171,7 @@ impl Model {
             self.params.len() == self.encoder.n_params(),
         )?;
         fits("modes", self.modes.len() == 3 * n * self.n_codes())?;
+        fits("sway", self.sway.as_ref().is_none_or(|s| s.fits(n)))?;
         let all = [&self.params, &self.modes, &self.skin.weights];
         let sound = all.iter().all(|a| a.iter().all(|x| x.is_finite()));
         let rest = [self.template.as_flattened(), self.scale.as_flattened()];
@@ -216,6 +230,21 @@ impl<'a> From<'a> {
         }
     }
 
+    /// How the cloth swings, if the file says so.
+    fn sway(&self) -> Result<Option<Sway>, ModelError> {
+        if !self.weights.arrays.contains_key("sway.shapes") {
+            return Ok(None);
+        }
+        Ok(Some(Sway {
+            shapes: unstepped(self.bytes("sway.shapes")?, &self.f32s("sway.steps")?),
+            means: self.f32s("sway.means")?,
+            stiffness: self.f32s("sway.stiffness")?,
+            damping: self.f32s("sway.damping")?,
+            samples: self.u32s("sway.samples")?.to_vec(),
+            masses: self.f32s("sway.masses")?,
+        }))
+    }
+
     /// A perceptron of these widths.
     fn mlp(&self, widths: &str) -> Result<Mlp, ModelError> {
         let bend = Nonlinear::named(self.note("bend")?);
@@ -265,6 +294,26 @@ impl<'a> From<'a> {
             _ => Err(ModelError::wrong(name, "holds no bytes")),
         }
     }
+}
+
+/// Rows of `k` entries in 8-bit steps around 128, and what a step of each is worth: swings are smooth,
+/// and one of 6 cm is off by a quarter of a millimetre at most.
+fn stepped(rows: &[f32], k: usize) -> (Vec<f32>, Vec<u8>) {
+    let most = |c: usize| {
+        let column = rows.iter().skip(c).step_by(k.max(1));
+        column.fold(f32::MIN_POSITIVE, |a, x| a.max(x.abs()))
+    };
+    let steps: Vec<f32> = (0..k).map(|c| most(c) / 127.0).collect();
+    let byte = |(i, x): (usize, &f32)| ((x / steps[i % k]).round() + 128.0) as u8;
+    let bytes = rows.iter().enumerate().map(byte).collect();
+    (steps, bytes)
+}
+
+/// The way back from [`stepped`].
+fn unstepped(bytes: &[u8], steps: &[f32]) -> Vec<f32> {
+    let k = steps.len().max(1);
+    let entry = |(i, b): (usize, &u8)| (f32::from(*b) - 128.0) * steps.get(i % k).unwrap_or(&0.0);
+    bytes.iter().enumerate().map(entry).collect()
 }
 
 fn triples<T: Copy>(flat: &[T]) -> Vec<[T; 3]> {

@@ -13,6 +13,7 @@
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use muslin_body::{Avatar, Pose};
 
+use crate::player::STEP;
 use crate::{Encoder, ModelError, Ncs, Reader};
 
 /// Reads the inputs of an encoder off poses in time.
@@ -70,7 +71,7 @@ impl Stream {
         Ok(Self {
             reader: Reader::new(avatar, drivers)?,
             kind,
-            step: 1.0 / 30.0,
+            step: STEP,
             is_first: true,
         })
     }

@@ -44,6 +44,7 @@ fn model() -> Model {
         params: encoder.start(&mut noise),
         encoder: Encoder::Plain(encoder),
         modes: noise.normals(3 * n * 7).iter().map(|x| 0.02 * x).collect(),
+        sway: None,
     }
 }
 

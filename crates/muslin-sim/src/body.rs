@@ -21,6 +21,8 @@ pub(crate) struct Body {
     seen: Vec<Seen>,
     /// Per vertex, distance that is kept on top of the common gap [m].
     pub extra: Vec<f64>,
+    /// Vertices of the skin on which nothing sticks; all others do where there are fewer.
+    pub slick: Vec<bool>,
     /// Vertices of the skin that share a face, once asked for.
     near: OnceLock<Rows>,
 }
@@ -63,6 +65,7 @@ impl Body {
             before,
             seen: vec![UNSEEN; n_cloth],
             extra: vec![0.0; n_cloth],
+            slick: Vec::new(),
             near: OnceLock::new(),
         }
     }
@@ -114,7 +117,8 @@ impl Body {
         (x, before): (&[DVec3], &[DVec3]),
         skin: &Skin,
     ) -> Vec<Touch> {
-        let (now, seen) = (&self.now, &self.seen);
+        let now = &self.now;
+        let seen = &self.seen;
         let found = ordered::map(x.len(), |i| {
             look(now, &seen[i], x[i], skin.reach + self.extra[i])
         });
@@ -139,8 +143,15 @@ impl Body {
                 out.push(self.touch(weave, (i, before[i]), &hit, skin));
             }
         }
-        out.iter_mut()
-            .for_each(|t| t.press(x, weave.friction[t.verts[0] as usize]));
+        let (seen, slick) = (&self.seen, &self.slick);
+        let sticks = |t: &Touch| {
+            let face = seen[t.verts[0] as usize].face as usize;
+            let corners = now.faces()[face];
+            !corners.iter().any(|v| slick.get(*v as usize) == Some(&true))
+        };
+        for t in out.iter_mut().filter(|t| sticks(t)) {
+            t.press(x, weave.friction[t.verts[0] as usize]);
+        }
         out
     }
 

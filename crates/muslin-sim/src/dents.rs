@@ -10,6 +10,8 @@ use crate::{
 
 /// Time from one look at how the body folds into itself to the next [s].
 const STRIDE: f64 = 0.27;
+/// Skin that has drawn back by less counts as where it was posed [m].
+const DRAWN: f64 = 2e-4;
 /// Skin this near to what cloth is worn on gives way too [m].
 pub(crate) const AROUND: f64 = 0.03;
 
@@ -65,6 +67,16 @@ impl<'a> Dents<'a> {
         let [(_, a), (_, b)] = &self.looks;
         let depth = a.iter().zip(b).map(|(a, b)| a.lerp(*b, t).length());
         depth.fold(0.0, f64::max)
+    }
+
+    /// Where the skin has drawn back from other skin in a frame asked for last: cloth that is caught there
+    /// is free to slide out, for the flesh that holds it is not really where it was posed.
+    pub fn slick(&self, k: usize) -> Vec<bool> {
+        let (from, to) = self.around(k);
+        let t = (k - from) as f64 / (to - from).max(1) as f64;
+        let [(_, a), (_, b)] = &self.looks;
+        let drawn = a.iter().zip(b).map(|(a, b)| a.lerp(*b, t).length() > DRAWN);
+        drawn.collect()
     }
 
     fn around(&self, k: usize) -> (usize, usize) {

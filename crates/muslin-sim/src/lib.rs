@@ -23,6 +23,7 @@ mod dents;
 mod drape;
 mod elastic;
 mod fan;
+mod hang;
 mod loosen;
 mod matrix;
 mod near;
@@ -42,6 +43,7 @@ mod weave;
 
 pub use cloth::{Cloth, Material, SimError};
 pub use drape::{Options, drape, drape_while};
+pub use hang::{Hanging, hang};
 pub use loosen::BEYOND_LIMIT;
 pub use quality::{Energies, Settled, stretch};
 pub use refine::{Guesses, Refined, refine};

@@ -131,6 +131,32 @@ impl<'a> Matrix<'a> {
         sum
     }
 
+    /// All blocks but those of links, as rows: where each starts, whom its blocks couple the vertex
+    /// with, in ascending order, and they [N/m]; less that much on the diagonal of vertex `i`.
+    pub fn rows(&self, less: impl Fn(usize) -> f64) -> (Vec<u32>, Vec<u32>, Vec<DMat3>) {
+        let (near, far) = (&self.pattern.near, &self.bending.far);
+        let (mut starts, mut cols, mut blocks) = (vec![0], Vec::new(), Vec::new());
+        for i in 0..self.pattern.diagonal.len() {
+            let here = self.pattern.diagonal[i] as usize;
+            let scalar = |k: f64| DMat3::from_diagonal(DVec3::splat(k));
+            let own = self.blocks[here].as_dmat3() - scalar(less(i));
+            let others = near.span(i).filter(|k| *k != here);
+            let mut row: Vec<(u32, DMat3)> = others
+                .map(|k| (near.items[k], self.blocks[k].as_dmat3()))
+                .collect();
+            row.extend(far.span(i).map(|k| (far.items[k], scalar(self.bending.far_weights[k]))));
+            // Rows that sum to nothing but what holds the vertex: to the last digit, for a swing is
+            // a millionth of what yarns could do.
+            let sum: DMat3 = row.iter().map(|e| e.1).sum();
+            row.push((i as u32, own - sum));
+            row.sort_unstable_by_key(|e| e.0);
+            cols.extend(row.iter().map(|e| e.0));
+            blocks.extend(row.iter().map(|e| e.1));
+            starts.push(cols.len() as u32);
+        }
+        (starts, cols, blocks)
+    }
+
     /// The block on the diagonal, without links.
     fn diagonal(&self, i: usize) -> Mat3A {
         let far = &self.bending.far_single[self.bending.far.span(i)];

@@ -1,6 +1,6 @@
 //! One Newton step: assemble, solve, make sure that it descends.
 
-use glam::{DVec3, Mat3A, Vec3};
+use glam::{DMat3, DVec3, Mat3A, Vec3};
 use muslin_energy::{contact::Barrier, point};
 use rayon::prelude::*;
 
@@ -19,7 +19,7 @@ pub(crate) struct Problem<'a> {
     pub weave: &'a Weave,
     /// Where every vertex would go unforced [m].
     pub target: &'a [DVec3],
-    /// Time step [s].
+    /// Time step [s] as inertia knows it.
     pub step: f64,
     pub gravity: DVec3,
     pub touches: &'a [Touch],
@@ -83,6 +83,13 @@ impl Problem<'_> {
         });
         let links = pairs::add(self.pairs, x, &self.barrier, &mut gradient);
         (gradient, Matrix::new(&w.pattern, &w.bending, blocks, links))
+    }
+
+    /// The matrix at `x` without inertia, as [`Matrix::rows`] gives it.
+    pub fn resistance(&self, x: &[DVec3]) -> (Vec<u32>, Vec<u32>, Vec<DMat3>) {
+        let (_, matrix) = self.assemble(x);
+        let inertia = |i: usize| f64::from((self.weave.mass[i] / (self.step * self.step)) as f32);
+        matrix.rows(inertia)
     }
 
     fn own_gradient(&self, answers: &[Answer], x: &[DVec3], i: usize) -> DVec3 {

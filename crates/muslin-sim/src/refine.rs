@@ -3,6 +3,9 @@
 //! What the solver changed in one frame is kept in the next: cloth goes from where it was led to by as
 //! much as the guess goes on, what was changed turning with the body, never through itself, and is led
 //! to rest from there. So a few steps are enough, and folds do not jump from frame to frame.
+//!
+//! With inertia, cloth goes on from where the first guess was led to and swings as in a simulation;
+//! the other guesses are where it begins anew after a frame that ends with a fault.
 
 use std::time::Instant;
 
@@ -17,7 +20,7 @@ use crate::{
     drape::{GoOn, Options, asked},
     ordered,
     simulate::Walk,
-    stage::{Pace, Stage},
+    stage::{Pace, Stage, Stride},
     weave::Weave,
 };
 
@@ -27,12 +30,17 @@ pub struct Guesses<'a> {
     pub frames: &'a [Vec<DVec3>],
     /// The number of the first of them, the lead-in not counted.
     pub first: usize,
-    /// Steps that each is led by.
+    /// Steps that each is led by; with inertia, Newton steps at most of each of its steps in time.
     pub steps: usize,
+    /// How many times its inertia counts; none, and every frame comes to rest.
+    pub inertia: f64,
 }
 
 /// How many times as many steps the first of some frames needs: it knows of no frame before it.
 const FIRST: usize = 3;
+
+/// The longest step in time of cloth that swings [s].
+const LONGEST: f64 = 1.0 / 60.0 + 1e-9;
 
 /// A frame that was led to rest.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -74,14 +82,16 @@ pub fn refine(
     begin.check(walk.rest.len())?;
     let skin = Surface::new(&begin.skin, walk.faces);
     let worn_on = Carrier::new(&skin, start).worn_on(&skin);
+    let mut stage = Stage::new(&weave, start, skin, cloth, *options);
+    stage.watch_thin(&begin.cores);
     let mut run = Run {
         dents: Dents::new(walk, worn_on, options.room(cloth)),
-        stage: Stage::new(&weave, start, skin, cloth, *options),
+        stage,
         pace: Pace::calm(options.step, options.keep),
         deliver,
     };
     // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
-    rayon::join(|| run.all(guesses, (walk.lead, go_on)), || ()).0
+    rayon::join(|| run.all(guesses, (walk.lead, 1.0 / walk.fps, go_on)), || ()).0
 }
 
 struct Run<'a, D> {
@@ -95,8 +105,9 @@ impl<D: FnMut(Refined)> Run<'_, D> {
     fn all(
         &mut self,
         guesses: &Guesses<'_>,
-        (lead, go_on): (usize, GoOn<'_>),
+        (lead, time, go_on): (usize, f64, GoOn<'_>),
     ) -> Result<(), SimError> {
+        let mut anew = true;
         for (i, guess) in guesses.frames.iter().enumerate() {
             asked(go_on)?;
             let since = Instant::now();
@@ -104,21 +115,42 @@ impl<D: FnMut(Refined)> Run<'_, D> {
             let k = lead + guesses.first + i;
             let body = self.dents.frame(k)?;
             let before = stage.steps;
-            let old = &guesses.frames[i.saturating_sub(1)];
-            let turns = stage.motions_between(stage.body.now.verts(), &body.skin);
-            let by = |v: usize| {
-                let led = turns[v].matrix3 * (stage.x[v] - old[v]);
-                guess[v] + led - stage.x[v]
-            };
-            let by = ordered::map(guess.len(), by);
-            stage.lead(&body.skin, by);
-            let times = if i == 0 { FIRST } else { 1 };
-            for _ in 0..times * guesses.steps {
-                stage.step(&self.pace)?;
+            stage.body.slick = self.dents.slick(k);
+            let swings = guesses.inertia > 0.0;
+            if swings && !anew {
+                let stride = Stride {
+                    time,
+                    longest: LONGEST,
+                    rounds: guesses.steps,
+                    inertia: guesses.inertia,
+                };
+                stage.live(&body.skin, &stride)?;
+            } else {
+                let old = match anew {
+                    true => &stage.x,
+                    false => &guesses.frames[i - 1],
+                };
+                let turns = stage.motions_between(stage.body.now.verts(), &body.skin);
+                let by = |v: usize| {
+                    let led = turns[v].matrix3 * (stage.x[v] - old[v]);
+                    guess[v] + led - stage.x[v]
+                };
+                let by = ordered::map(guess.len(), by);
+                stage.lead(&body.skin, by);
+                let times = if anew { FIRST } else { 1 };
+                for _ in 0..times * guesses.steps {
+                    stage.step(&self.pace)?;
+                }
+                if swings && i + 1 < guesses.frames.len() {
+                    let next = self.dents.frame(k + 1)?;
+                    stage.set_off((&body.skin, &next.skin), time);
+                }
             }
             let (skin, yielded, left) = clean::tidy(stage, &body.cores)?;
+            let self_crossings = stage.in_itself().len();
+            anew = swings && left + self_crossings > 0;
             (self.deliver)(Refined {
-                self_crossings: stage.in_itself().len(),
+                self_crossings,
                 verts: stage.x.clone(),
                 body: skin,
                 yielded: yielded + self.dents.depth(k),

@@ -11,7 +11,7 @@ use crate::{
     dents::Dents,
     drape::{GoOn, Options, asked},
     relief::Frame,
-    stage::{Pace, Stage},
+    stage::{Pace, ROUNDS, Stage, Stride},
     weave::Weave,
 };
 
@@ -104,9 +104,6 @@ struct Run<'a> {
     frame: usize,
 }
 
-/// No vertex of a moving body's cloth starts a step faster than this [m/s].
-const SPEED: f64 = 30.0;
-
 impl<'a> Run<'a> {
     fn new(
         weave: &'a Weave,
@@ -119,9 +116,10 @@ impl<'a> Run<'a> {
             handles: true,
             ..*options
         };
-        let stage = Stage::new(weave, start, skin, cloth, options);
+        let mut stage = Stage::new(weave, start, skin, cloth, options);
         let dents = Dents::new(walk, stage.worn_on(), options.room(cloth));
         let frame = resume.map_or(0, |s| s.frame);
+        stage.watch_thin(&(walk.at)(frame).cores);
         let mut run = Run {
             stage,
             walk,
@@ -142,14 +140,23 @@ impl<'a> Run<'a> {
         Ok(run)
     }
 
+    /// How the cloth goes on from one frame to the next.
+    fn stride(&self) -> Stride {
+        let time = 1.0 / self.walk.fps;
+        Stride {
+            time,
+            longest: time,
+            rounds: ROUNDS,
+            inertia: 1.0,
+        }
+    }
+
     /// Gives the cloth the velocity that the body has when the lead-in is over.
     fn set_off(&mut self) -> Result<(), SimError> {
         let [k, next] = [0, 1].map(|n| (self.frame + n).min(self.walk.frames - 1));
         let [from, to] = [self.dents.frame(k)?, self.dents.frame(next)?];
-        let motions = self.stage.motions_between(&from.skin, &to.skin);
-        let x = &self.stage.x;
-        let by = |(x, m): (&DVec3, &glam::DAffine3)| (m.transform_point3(*x) - *x) * self.walk.fps;
-        self.stage.v = x.iter().zip(&motions).map(by).collect();
+        let time = 1.0 / self.walk.fps;
+        self.stage.set_off((&from.skin, &to.skin), time);
         Ok(())
     }
 
@@ -162,6 +169,7 @@ impl<'a> Run<'a> {
             asked(go_on)?;
             let body = self.dents.frame(self.frame)?;
             let before = self.stage.steps;
+            self.stage.body.slick = self.dents.slick(self.frame);
             if self.frame <= self.walk.lead {
                 self.stage.follow(&body.skin)?;
                 if self.frame == self.walk.lead {
@@ -169,7 +177,7 @@ impl<'a> Run<'a> {
                     self.set_off()?;
                 }
             } else {
-                self.stage.live(&body.skin, 1.0 / self.walk.fps, SPEED)?;
+                self.stage.live(&body.skin, &self.stride())?;
             }
             self.frame += 1;
             if self.frame <= self.walk.lead {

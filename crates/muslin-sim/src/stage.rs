@@ -21,8 +21,8 @@ use crate::{
 
 mod step;
 
-pub(crate) use step::Pace;
-use step::{Past, ROUNDS};
+use step::Past;
+pub(crate) use step::{Pace, ROUNDS};
 
 /// A drape in the making.
 pub(crate) struct Stage<'a> {
@@ -44,6 +44,9 @@ pub(crate) struct Stage<'a> {
     before: Vec<DVec3>,
     /// The start of the last step of moving cloth, if nothing happened since that it does not tell.
     past: Option<Past>,
+    /// How strongly skin pushed each vertex when the last step of moving cloth ended [N]. Where a step begins
+    /// the body has moved on, and skin that meets cloth would seem to press it thousands of times its weight.
+    pressed: Option<Vec<f64>>,
     /// Vertices of faces that passed through cloth.
     tangled: Vec<bool>,
     /// Faces that something thin of the body pokes through.
@@ -51,6 +54,18 @@ pub(crate) struct Stage<'a> {
     /// Vertices of the skin that might poke through between two vertices of the cloth.
     thin: Vec<u32>,
     pub steps: usize,
+}
+
+/// How moving cloth goes on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stride {
+    /// For how long, and the longest step on the way [s].
+    pub time: f64,
+    pub longest: f64,
+    /// Newton steps at most in each.
+    pub rounds: usize,
+    /// How many times its inertia counts.
+    pub inertia: f64,
 }
 
 /// Where a pin sits in the frame of its skin [m].
@@ -62,8 +77,12 @@ const NEARBY: f64 = 0.025;
 const WATCHED: f64 = 4e-3;
 /// Most that skin may move past nearby cloth in one piece of its way [m].
 const FASTEST: f64 = 0.008;
+/// No vertex of a moving body's cloth starts a step faster than this [m/s].
+const TOP_SPEED: f64 = 30.0;
+/// The same where it is thin: farther in, the nearest skin would be that of its other side.
+const FASTEST_THIN: f64 = 0.003;
 /// Most pieces that a step of the path is cut into.
-const PIECES: usize = 5;
+const PIECES: usize = 8;
 
 impl<'a> Stage<'a> {
     pub fn new(
@@ -92,6 +111,7 @@ impl<'a> Stage<'a> {
             v: vec![DVec3::ZERO; start.len()],
             before: start.to_vec(),
             past: None,
+            pressed: None,
             tangled: vec![false; start.len()],
             poked: Vec::new(),
             thin: Vec::new(),
@@ -177,7 +197,10 @@ impl<'a> Stage<'a> {
                 let v = self.weave.faces[f as usize][0] as usize;
                 most = most.max((frame[i] - skin[i] - cloth(v)).dot(*normal).abs());
             });
-            most
+            match self.thin.binary_search(&(i as u32)) {
+                Ok(_) => most * FASTEST / FASTEST_THIN,
+                Err(_) => most,
+            }
         });
         let fastest = fastest.into_iter().fold(0.0, f64::max);
         ((fastest / FASTEST).ceil() as usize).clamp(1, PIECES)
@@ -216,7 +239,7 @@ impl<'a> Stage<'a> {
         self.x = x.to_vec();
         self.v = v.to_vec();
         self.before = x.to_vec();
-        self.past = None;
+        (self.past, self.pressed) = (None, None);
         self.poked.clear();
         self.body.forget_all();
         self.body.stand();
@@ -250,18 +273,20 @@ impl<'a> Stage<'a> {
         self.tangled.contains(&true)
     }
 
-    /// Goes on for `time` [s], in which the body moves to `frame`, in as many steps as that needs.
-    pub fn live(&mut self, frame: &[DVec3], time: f64, top_speed: f64) -> Result<(), SimError> {
+    /// Goes on for some time, in which the body moves to `frame`, in as many steps as that needs.
+    pub fn live(&mut self, frame: &[DVec3], stride: &Stride) -> Result<(), SimError> {
         self.kept = None;
-        let drift: Vec<DVec3> = self.v.iter().map(|v| *v * time).collect();
+        let drift: Vec<DVec3> = self.v.iter().map(|v| *v * stride.time).collect();
         let pieces = self.pieces(frame, |v| drift[v]);
+        let pieces = pieces.max((stride.time / stride.longest).ceil() as usize);
         let from = self.body.now.verts().to_vec();
         let pace = Pace {
-            step: time / pieces as f64,
+            step: stride.time / pieces as f64,
             keep: 1.0,
-            top_speed,
+            top_speed: TOP_SPEED,
             smooth: false,
-            rounds: ROUNDS,
+            rounds: stride.rounds,
+            inertia: stride.inertia,
         };
         for k in 1..=pieces {
             let between = part_way((&from, frame), k as f64 / pieces as f64);
@@ -270,6 +295,14 @@ impl<'a> Stage<'a> {
             self.step(&pace)?;
         }
         Ok(())
+    }
+
+    /// Gives the cloth the velocity that it has if it goes along with a body which goes from one place to
+    /// another within `time` [s].
+    pub fn set_off(&mut self, (from, to): (&[DVec3], &[DVec3]), time: f64) {
+        let motions = self.motions_between(from, to);
+        let by = |(x, m): (&DVec3, &DAffine3)| (m.transform_point3(*x) - *x) / time;
+        self.v = self.x.iter().zip(&motions).map(by).collect();
     }
 
     /// One step in which the body gives way or comes back; cloth is not taken along.

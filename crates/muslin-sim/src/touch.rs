@@ -78,6 +78,14 @@ impl Touch {
         let [_, slope, _] = self.barrier.at(self.gap(x));
         self.grip = -slope * mu;
     }
+
+    /// How strongly the skin pushes after a Newton step from `from` to `to`, as the step saw it [N]. The
+    /// barrier itself, which is curved, answers more where a step from deep inside ends.
+    pub fn pressure(&self, from: &[DVec3], to: &[DVec3]) -> f64 {
+        let gap = self.gap(from);
+        let [_, slope, curvature] = self.barrier.at(gap);
+        (-slope - curvature * (self.gap(to) - gap)).max(0.0)
+    }
 }
 
 /// Sum of the touches' energies [J].

@@ -84,6 +84,7 @@ impl Scene {
             frames: &self.guesses()[first..],
             first,
             steps,
+            inertia: 0.0,
         };
         let mut out = Vec::new();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -155,4 +156,69 @@ fn it_stops_when_asked_and_refuses_guesses_of_other_cloth() {
         .refined((0, 3), (1, true))
         .expect_err("a vertex short");
     assert!(fault.to_string().contains("guess"), "{fault}");
+}
+
+/// Frames in which what a strip hangs from goes aside.
+const JERK: usize = 3;
+
+/// How far the hem of a hanging strip is from where it hangs [m], frame by frame, after what it hangs from
+/// jerked aside; all guesses are that it hangs straight.
+fn hem(inertia: f64) -> Vec<f64> {
+    let (flat, faces) = grid(DVec2::new(0.04, 0.4), [2, 20]);
+    let corners = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
+    let mut cloth = cut(flat.len(), faces, corners, cotton());
+    cloth.pins = (60..63).collect();
+    let (ball, faces) = capsule(DVec3::new(0.02, 0.42, 0.0), DVec3::new(0.02, 0.42, 1e-6), 0.01, 12);
+    let way = |k: usize| DVec3::Z * (0.02 * k.min(JERK) as f64);
+    let at = |k: usize| {
+        let there = ball.iter().map(|p| *p + way(k));
+        there.collect::<Vec<_>>().into()
+    };
+    let frames = 60;
+    let walk = Walk {
+        faces: &faces,
+        rest: &ball,
+        frames,
+        lead: 0,
+        fps: 30.0,
+        at: &at,
+    };
+    let straight = |k: usize| -> Vec<DVec3> {
+        flat.iter().map(|p| p.extend(0.0) + way(k)).collect()
+    };
+    let guesses = Guesses {
+        frames: &(0..frames).map(straight).collect::<Vec<_>>(),
+        first: 0,
+        steps: 5,
+        inertia,
+    };
+    let options = Options {
+        pin: 500.0,
+        ..Options::USUAL
+    };
+    let mut out = Vec::new();
+    let deliver = |r: Refined| out.push(r.verts[1].z - r.verts[61].z);
+    refine(&cloth, &guesses, (&walk, &options, &|| true), deliver).expect("valid");
+    out
+}
+
+#[test]
+fn with_inertia_cloth_swings_and_more_of_it_swings_slower() {
+    // Seconds from the jerk's end to where the hem, which went on ahead, has swung back.
+    let back = |inertia: f64| {
+        let hem = hem(inertia);
+        let most = hem.iter().copied().fold(0.0, f64::max);
+        let ahead = (0..hem.len()).find(|k| hem[*k] > 0.5 * most);
+        let returned = |k: &usize| *k > ahead.expect("it goes on") && hem[*k] < 0.0;
+        let at = (0..hem.len()).find(returned).expect("swung back");
+        (most, (at - JERK) as f64 / 30.0)
+    };
+    let still = hem(0.0).iter().all(|z| z.abs() < 4e-3);
+    assert!(still, "at rest in every frame");
+    let ((most, usual), (_, heavy)) = (back(1.0), back(4.0));
+    assert!((0.1..0.2).contains(&most), "{most} m");
+    // Half of a hanging chain's period, π / (2.405 / 2 √(g / L)).
+    let law = std::f64::consts::PI / (0.5 * 2.405 * (9.81f64 / 0.4).sqrt());
+    assert!((usual / law - 1.0).abs() < 0.1, "{usual} s for {law} s");
+    assert!((heavy / usual / 2.0 - 1.0).abs() < 0.1, "{heavy} s of {usual} s");
 }

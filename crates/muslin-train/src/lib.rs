@@ -27,6 +27,7 @@ mod prepare;
 pub mod published;
 mod skin;
 mod state;
+mod sway;
 #[cfg(test)]
 mod testing;
 mod trainer;
@@ -38,6 +39,7 @@ mod work;
 pub use error::TrainError;
 pub use lesson::{Lesson, Plan};
 pub use pool::{mixed, sampled, thinned};
+pub use sway::sway;
 pub use trainer::{Energies, Told, Trainer};
 pub use training::Training;
 pub use weights::diffused;

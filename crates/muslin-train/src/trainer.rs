@@ -289,6 +289,7 @@ impl Training for Trainer<'_> {
             encoder: Encoder::Plain(self.encoder.clone()),
             params: self.now.params.clone(),
             modes: self.now.modes.clone(),
+            sway: None,
         }
     }
 

@@ -21,6 +21,7 @@ use crate::simulate::files::{self, Folders, Made};
 use crate::simulate::motion;
 use crate::simulate::quality::{Quality, round};
 use crate::simulate::set::Set;
+use crate::swings;
 use crate::table::Table;
 use crate::tell;
 use crate::train::topology;
@@ -65,8 +66,8 @@ pub fn animate(
         warnings: Vec::new(),
     };
     let set = stage.set(&avatar, &model, &simulate)?;
-    stage.strangers(&model, &simulate.dress)?;
-    let model = wardrobe::fitted(model, &set.start);
+    let stranger = stage.strangers(&model, &simulate.dress)?;
+    let model = stage.swinging(wardrobe::fitted(model, &set.start), &set, stranger)?;
     stage.perform((&set, &model), &simulate, (out, folders))
 }
 
@@ -84,7 +85,7 @@ pub(crate) fn decode_model(file: &str, bytes: &[u8]) -> Result<Model, Failure> {
 
 /// Refuses a motion level for a model that cannot tell motion from the pose.
 fn knows(model: &Model, options: &AnimateOptions) -> Result<(), Failure> {
-    if options.motion_level.is_none() || model.encoder.has_motion_level() {
+    if options.motion_level.is_none() || swings::are_ours(model) || model.has_motion_level() {
         return Ok(());
     }
     let what = match model.encoder.is_moving() {
@@ -207,8 +208,8 @@ impl Theatre<'_, '_> {
         Ok(set)
     }
 
-    /// Says what the model never met.
-    fn strangers(&mut self, model: &Model, dress: &DressOptions) -> Result<(), Failure> {
+    /// Says what the model never met, and whether there is anything.
+    fn strangers(&mut self, model: &Model, dress: &DressOptions) -> Result<bool, Failure> {
         let taught = ["height", "weight", "gender"].map(|name| number(model, name));
         let mut others = Vec::new();
         for (taught, worn) in taught
@@ -230,7 +231,22 @@ impl Theatre<'_, '_> {
                 "the model was taught with another {what}: its folds are laid over this one unchanged"
             )]);
         }
-        Ok(())
+        Ok(!others.is_empty())
+    }
+
+    /// The model with the swings of the garment as it is worn: its own, or those of another body or
+    /// fabric. The published systems know motion in their own ways, or not at all.
+    fn swinging(&mut self, model: Model, set: &Set, stranger: bool) -> Result<Model, Failure> {
+        let wanted = self.options.motion_level != Some(0.0);
+        if !swings::are_ours(&model) || !wanted || (model.sway.is_some() && !stranger) {
+            return Ok(model);
+        }
+        self.watch.progress("how it swings");
+        let body = (set.avatar, &set.figure);
+        Ok(Model {
+            sway: swings::swings(body, (&set.cloth, &set.start))?,
+            ..model
+        })
     }
 
     fn perform(
@@ -252,7 +268,7 @@ impl Theatre<'_, '_> {
         let refined = self.options.refine > 0;
         let mut r = Report::default();
         r.set("refine", self.options.refine);
-        if model.encoder.has_motion_level() {
+        if model.has_motion_level() {
             r.set("motion_level", level);
         }
         r.set("checked", if refined { "exact" } else { "unchecked" });

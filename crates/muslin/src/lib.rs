@@ -21,6 +21,7 @@ mod options;
 mod outcome;
 mod outfit;
 mod simulate;
+mod swings;
 mod table;
 mod tell;
 mod train;

@@ -22,6 +22,7 @@ use crate::figure::body_failure;
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
 use crate::simulate::expanded;
+use crate::swings;
 use crate::tell;
 use crate::watch::Watch;
 
@@ -180,7 +181,11 @@ impl School<'_, '_> {
             e.membrane
         );
         self.done(4, "learn", line)?;
-        let model = trainer.model(self.notes(pupil, &sources, &last));
+        let mut model = trainer.model(self.notes(pupil, &sources, &last));
+        if self.options.system.is_none() {
+            let cloth = (&pupil.cloth, pupil.template.as_slice());
+            model.sway = swings::swings((avatar, figure), cloth)?;
+        }
         let bytes = write_weights(&model.to_weights());
         self.report.set("model_bytes", bytes.len());
         self.told(&last, model.n_codes());

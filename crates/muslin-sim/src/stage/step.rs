@@ -1,6 +1,6 @@
 //! One step in time: where everything drifts to, and Newton steps from there.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use muslin_energy::{contact::Barrier, point::Scheme};
 
 use super::Stage;
@@ -29,6 +29,8 @@ pub(crate) struct Pace {
     pub smooth: bool,
     /// Newton steps at most.
     pub rounds: usize,
+    /// How many times its inertia counts.
+    pub inertia: f64,
 }
 
 impl Pace {
@@ -40,6 +42,7 @@ impl Pace {
             top_speed: SPEED,
             smooth: true,
             rounds: 3,
+            inertia: 1.0,
         }
     }
 }
@@ -56,6 +59,15 @@ struct Way {
     from: Vec<DVec3>,
     scheme: Scheme,
     target: Vec<DVec3>,
+    /// How many times its inertia counts.
+    inertia: f64,
+}
+
+/// What a step met of the body.
+struct Met {
+    touches: Vec<Touch>,
+    /// How strongly skin pushes every vertex at its end [N].
+    pressed: Vec<f64>,
 }
 
 impl Stage<'_> {
@@ -70,13 +82,13 @@ impl Stage<'_> {
             if pace.smooth || h < pace.step {
                 (self.kept, self.past) = (None, None);
             }
-            let way = self.way(h);
+            let way = self.way(h, pace.inertia);
             if way.target != way.from {
                 let drift = way.target.iter().zip(&way.from).map(|(t, x)| *t - *x);
                 self.go(drift.collect());
             }
-            if let Some(touches) = self.newton(&way, pace) {
-                self.finish_step((way, &touches), h, pace);
+            if let Some(met) = self.newton(&way, pace) {
+                self.finish_step((way, met), h, pace);
                 return Ok(());
             }
             self.x = way.from;
@@ -86,8 +98,8 @@ impl Stage<'_> {
         Err(SimError::Diverged(self.steps))
     }
 
-    /// How a step of `h` [s] follows from those before.
-    fn way(&self, h: f64) -> Way {
+    /// How a step of `h` [s] follows from those before, where inertia counts that many times.
+    fn way(&self, h: f64, inertia: f64) -> Way {
         let from = self.x.clone();
         let past = self.past.as_ref();
         let past = past.filter(|p| self.options.second_order && h < MOST_LONGER * p.step);
@@ -101,18 +113,22 @@ impl Stage<'_> {
             scheme,
             target,
             from,
+            inertia,
         }
     }
 
     /// Newton steps, one if that is enough: another where cloth stretches beyond its limit, or where
     /// cloth in motion was led far from where it drifted to.
     ///
-    /// Gives the touches of the first, or nothing if no step was finite.
-    fn newton(&mut self, way: &Way, pace: &Pace) -> Option<Vec<Touch>> {
+    /// Gives the touches of the first and what they pressed in the last, or nothing if no step was
+    /// finite.
+    fn newton(&mut self, way: &Way, pace: &Pace) -> Option<Met> {
         let tau = way.scheme.tau;
         let first = self.touches(tau);
         let (pairs, energy) = self.start(way, &first);
+        let mut from = self.x.clone();
         let mut led = self.correct((way, pace), (&first, &pairs), energy)?;
+        let mut pressed = self.pressure(&first, &from);
         for _ in 1..pace.rounds {
             let far = !pace.smooth && led[0] > LED_FAR;
             if !far && quality::excess(self.weave, &self.x) < BEYOND {
@@ -122,9 +138,23 @@ impl Stage<'_> {
             let again = (pace.smooth || led[1] > TURNED).then(|| self.touches(tau));
             let pairs = self.pairs(&self.rule(tau));
             let touches = again.as_ref().unwrap_or(&first);
+            from.clone_from(&self.x);
             led = self.correct((way, pace), (touches, &pairs), None)?;
+            pressed = self.pressure(touches, &from);
         }
-        Some(first)
+        Some(Met {
+            touches: first,
+            pressed,
+        })
+    }
+
+    /// How strongly skin pushes every vertex after a Newton step from `from` [N].
+    fn pressure(&self, touches: &[Touch], from: &[DVec3]) -> Vec<f64> {
+        let mut pressed = vec![0.0; from.len()];
+        for touch in touches.iter().filter(|t| t.face.is_none()) {
+            pressed[touch.verts[0] as usize] = touch.pressure(from, &self.x);
+        }
+        pressed
     }
 
     /// One Newton step; how far it led 98 % of the vertices at most, and how far the one that it led
@@ -142,7 +172,7 @@ impl Stage<'_> {
         Some(led)
     }
 
-    fn finish_step(&mut self, (way, touches): (Way, &[Touch]), h: f64, pace: &Pace) {
+    fn finish_step(&mut self, (way, met): (Way, Met), h: f64, pace: &Pace) {
         let (x, from) = (&self.x, &way.from);
         let before = self.past.as_ref().map_or(from, |p| &p.x);
         let raw = ordered::map(x.len(), |i| {
@@ -157,11 +187,12 @@ impl Stage<'_> {
             smoother(&raw, near, (h / RUB).min(1.0))
         };
         if !pace.smooth {
-            for touch in touches.iter().filter(|t| t.face.is_none()) {
+            for touch in met.touches.iter().filter(|t| t.face.is_none()) {
                 let i = touch.verts[0] as usize;
                 self.v[i] = touch.without_bounce((old[i], self.v[i]), (self.before[i], h));
             }
         }
+        self.pressed = (!pace.smooth).then_some(met.pressed);
         self.past = (!pace.smooth).then_some(Past {
             x: way.from,
             v: old,
@@ -222,7 +253,7 @@ impl Stage<'_> {
         Problem {
             weave: self.weave,
             target: &way.target,
-            step: way.scheme.tau,
+            step: way.scheme.tau / way.inertia.sqrt(),
             gravity: self.options.gravity,
             touches,
             pairs,
@@ -230,6 +261,23 @@ impl Stage<'_> {
             pins,
             pin: self.options.pin,
         }
+    }
+
+    /// The Hessian of everything but inertia where the cloth is, as rows of blocks [N/m]: where each
+    /// row starts, what its blocks couple the vertex with, and they. Cloth against cloth is left out.
+    pub fn resistance(&mut self) -> (Vec<u32>, Vec<u32>, Vec<DMat3>) {
+        let step = self.options.step;
+        self.before.clone_from(&self.x);
+        let way = Way {
+            from: self.x.clone(),
+            scheme: Scheme::euler(step),
+            target: self.x.clone(),
+            inertia: 1.0,
+        };
+        let touches = self.touches(way.scheme.tau);
+        let pins = self.pin_targets();
+        let problem = self.problem(&way, (&touches, &[], &pins));
+        problem.resistance(&self.x)
     }
 
     fn skin(&self, h: f64) -> Skin {
@@ -250,6 +298,13 @@ impl Stage<'_> {
         let mut touches = self
             .body
             .touches(self.weave, (&self.x, &self.before), &skin);
+        if let Some(pressed) = &self.pressed {
+            let grip = |t: &Touch| {
+                let v = t.verts[0] as usize;
+                t.grip.min(self.weave.friction[v] * pressed[v])
+            };
+            touches.iter_mut().for_each(|t| t.grip = grip(t));
+        }
         for &f in &self.poked {
             for w in SAMPLES {
                 touches.extend(self.body.face_touch(self.weave, (&self.x, f, w), &skin));
@@ -287,7 +342,7 @@ impl Stage<'_> {
 const MOST_LONGER: f64 = 2.0;
 /// Newton steps at most in a step of moving cloth, and the stretch beyond the limit that asks for
 /// another.
-pub(super) const ROUNDS: usize = 6;
+pub(crate) const ROUNDS: usize = 6;
 const BEYOND: f64 = 0.008;
 /// So does a correction of so much [m]: what is left of it is lost motion.
 const LED_FAR: f64 = 1e-3;

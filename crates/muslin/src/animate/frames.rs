@@ -55,9 +55,10 @@ pub(crate) fn play(
 ) -> Result<Played, Failure> {
     let raw = predict((set, model), (level, 1))?;
     let n = raw.frames.len();
+    let inertia = if model.sway.is_some() { level } else { 0.0 };
     let mut solved = match refine {
         0 => shown(set, &raw.frames, watch)?,
-        _ => along((set, refine), (0, &raw.frames), watch)?,
+        _ => along((set, refine, inertia), (0, &raw.frames), watch)?,
     };
     if refine > 0 {
         let bad: Vec<usize> = (0..n).filter(|k| solved[*k].faults > 0).collect();
@@ -144,9 +145,10 @@ fn shown(set: &Set, raw: &[Vec<DVec3>], watch: &mut Watch) -> Result<Vec<Solved>
     Ok(out)
 }
 
-/// Leads predictions of the frames from `first` on to rest, `steps` each, one after the other.
+/// Leads predictions of the frames from `first` on to rest, `steps` each, one after the other; or lets the
+/// cloth swing from the first of them on, where inertia counts.
 pub(crate) fn along(
-    (set, steps): (&Set, usize),
+    (set, steps, inertia): (&Set, usize, f64),
     (first, raw): (usize, &[Vec<DVec3>]),
     watch: &mut Watch,
 ) -> Result<Vec<Solved>, Failure> {
@@ -160,6 +162,7 @@ pub(crate) fn along(
         frames: raw,
         first,
         steps,
+        inertia,
     };
     let may_go_on = watch.may_go_on();
     let mut out = Vec::with_capacity(raw.len());

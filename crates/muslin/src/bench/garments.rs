@@ -209,7 +209,7 @@ fn one_clip(
         let body = set.frame(set.moving.lead + k);
         let first = (k + 1).saturating_sub(LONG);
         let way = (first, &raw.frames[first..=*k]);
-        let near = along((&set, REFINE), way, &mut Watch::nobody())?.pop();
+        let near = along((&set, REFINE, 0.0), way, &mut Watch::nobody())?.pop();
         let near = near.expect("the way ends in this frame");
         let rest = refined(&set, &near.cloth, (&body, CONVERGED))?;
         Ok((*k, body, near, rest))

@@ -1,0 +1,235 @@
+//! Swings in the making: what is remembered of the frames before, and where the next one goes.
+
+use glam::{Mat3A, Vec3A};
+
+use crate::decode::Affine;
+use crate::{Model, Sway};
+
+/// Steps of cloth's swings by BDF2, on the points that stand for it.
+///
+/// With `y` where the points would rest, `R` their bones' mean turn, `m` their masses and `x̂` where
+/// they would go unforced, the codes solve `(Φᵀ m Φ / τ² + D / τ + Ω²) q = Φᵀ Rᵀ m (x̂ − y) / τ² + D q̂ / τ`.
+#[derive(Clone, Debug)]
+pub(crate) struct Swing {
+    points: Vec<Point>,
+    /// Shapes that the pose mixes, of every point: three rows with one entry per code.
+    still: Vec<f32>,
+    /// The same of the swings.
+    means: Vec<f32>,
+    damping: Vec<f32>,
+    stiffness: Vec<f32>,
+    /// Seconds from frame to frame, and the inverse of the system for that, by rows.
+    step: f32,
+    inverse: Vec<f32>,
+    /// How many frames were seen, as far as that matters.
+    seen: usize,
+    /// Where the points were and how fast they went: in the last frame, and one before [m, m/s].
+    past: [Vec<[Vec3A; 2]>; 2],
+    /// Codes of the last frame, and of the one before.
+    codes: [Vec<f32>; 2],
+    /// Room for a frame.
+    here: Vec<(Vec3A, Mat3A)>,
+    right: Vec<f32>,
+    /// How much of the swing is shown.
+    pub level: f32,
+}
+
+/// A point that stands for the cloth around it.
+#[derive(Clone, Debug)]
+struct Point {
+    /// Around the body at rest [m].
+    rest: Vec3A,
+    mass: f32,
+    /// Where its bones start in `skin`, and their end.
+    bones: Vec<(u8, f32)>,
+}
+
+impl Swing {
+    /// Of a model's swings, if it has any.
+    pub fn new(model: &Model) -> Option<Self> {
+        let sway = model.sway.as_ref().filter(|s| !s.is_empty())?;
+        let (k, codes) = (sway.len(), model.n_codes() - 1);
+        let mut still = Vec::with_capacity(3 * sway.samples.len() * codes);
+        let mut points = Vec::with_capacity(sway.samples.len());
+        for (&v, &mass) in sway.samples.iter().zip(&sway.masses) {
+            let v = v as usize;
+            let mut rest = Vec3A::from_array(model.template[v]);
+            for axis in 0..3 {
+                let row = &model.modes[(3 * v + axis) * (codes + 1)..][..codes + 1];
+                rest[axis] += row[codes];
+                still.extend(&row[..codes]);
+            }
+            let bones = model.skin.row(v).map(|(b, w)| (b as u8, w)).collect();
+            points.push(Point { rest, mass, bones });
+        }
+        let n = points.len();
+        Some(Self {
+            still,
+            means: sway.means.clone(),
+            damping: sway.damping.clone(),
+            stiffness: sway.stiffness.clone(),
+            step: 0.0,
+            inverse: vec![0.0; k * k],
+            seen: 0,
+            past: [vec![[Vec3A::ZERO; 2]; n], vec![[Vec3A::ZERO; 2]; n]],
+            codes: [vec![0.0; k], vec![0.0; k]],
+            here: vec![(Vec3A::ZERO, Mat3A::IDENTITY); n],
+            right: vec![0.0; k],
+            level: 1.0,
+            points,
+        })
+    }
+
+    /// How many swings there are.
+    pub fn len(&self) -> usize {
+        self.stiffness.len()
+    }
+
+    /// Starts anew, with that many seconds from frame to frame.
+    pub fn begin(&mut self, step: f64) {
+        self.seen = 0;
+        if self.step == step as f32 {
+            return;
+        }
+        self.step = step as f32;
+        let (k, tau) = (self.len(), 2.0 / 3.0 * step);
+        let mut a = vec![0.0f64; k * k];
+        for (rows, p) in self.means.chunks_exact(3 * k).zip(&self.points) {
+            for row in rows.chunks_exact(k) {
+                for (i, x) in row.iter().enumerate() {
+                    let share = f64::from(p.mass) * f64::from(*x) / (tau * tau);
+                    let out = a[i * k..(i + 1) * k].iter_mut();
+                    out.zip(row).for_each(|(a, y)| *a += share * f64::from(*y));
+                }
+            }
+        }
+        for i in 0..k {
+            a[i * k + i] += f64::from(self.damping[i]) / tau + f64::from(self.stiffness[i]);
+        }
+        let inverse = inverse(a, k);
+        (self.inverse.iter_mut().zip(inverse)).for_each(|(to, x)| *to = x as f32);
+    }
+
+    /// The codes of the next frame, where the pose mixes shapes by `z` and bones stand so.
+    #[inline(always)]
+    pub fn codes(&mut self, z: &[f32], bones: &[Affine], out: &mut [f32]) {
+        self.rest(z, bones);
+        let k = self.len();
+        let tau = 2.0 / 3.0 * self.step;
+        match self.seen {
+            // Cloth that one sees for the first time goes along with the body.
+            0 | 1 => {
+                for (i, (y, _)) in self.here.iter().enumerate() {
+                    let [x, v] = &mut self.past[0][i];
+                    *v = match self.seen {
+                        0 => Vec3A::ZERO,
+                        _ => (*y - *x) / self.step,
+                    };
+                    *x = *y;
+                }
+                self.codes.iter_mut().for_each(|q| q.fill(0.0));
+                let [now, before] = &mut self.past;
+                for (b, [x, v]) in before.iter_mut().zip(now) {
+                    *b = [*x - *v * self.step, *v];
+                }
+                self.seen += 1;
+            }
+            _ => self.step(tau),
+        }
+        for (to, q) in out[..k].iter_mut().zip(&self.codes[0]) {
+            *to = self.level * q;
+        }
+    }
+
+    /// Where the points would rest, and how they are turned.
+    #[inline(always)]
+    fn rest(&mut self, z: &[f32], bones: &[Affine]) {
+        let rows = self.still.chunks_exact(3 * z.len());
+        for ((p, rows), here) in self.points.iter().zip(rows).zip(&mut self.here) {
+            let at = p.rest + mixed(rows, z);
+            let (mut x, mut turn) = (Vec3A::ZERO, Mat3A::ZERO);
+            for &(b, w) in &p.bones {
+                let a = &bones[usize::from(b)];
+                let m = Mat3A::from_cols_slice(&a[..9]);
+                x += (m * at + Vec3A::from_slice(&a[9..])) * w;
+                turn += m * w;
+            }
+            *here = (x, turn);
+        }
+    }
+
+    /// A step in time.
+    #[inline(always)]
+    fn step(&mut self, tau: f32) {
+        let k = self.len();
+        self.right.fill(0.0);
+        let rows = self.means.chunks_exact(3 * k);
+        for (i, rows) in rows.clone().enumerate() {
+            let ([x1, v1], [x2, v2]) = (self.past[0][i], self.past[1][i]);
+            let free = (x1 * 4.0 - x2) / 3.0 + (v1 * 4.0 - v2) * (tau / 3.0);
+            let (y, turn) = &self.here[i];
+            let pull = turn.transpose() * (free - *y) * (self.points[i].mass / (tau * tau));
+            for (row, f) in rows.chunks_exact(k).zip(pull.to_array()) {
+                (self.right.iter_mut().zip(row)).for_each(|(r, m)| *r += m * f);
+            }
+        }
+        let [q1, q2] = &mut self.codes;
+        for i in 0..k {
+            self.right[i] += self.damping[i] / tau * (4.0 * q1[i] - q2[i]) / 3.0;
+        }
+        std::mem::swap(q1, q2);
+        for (q, row) in q1.iter_mut().zip(self.inverse.chunks_exact(k)) {
+            *q = row.iter().zip(&self.right).map(|(a, b)| a * b).sum();
+        }
+        let [now, before] = &mut self.past;
+        for (i, rows) in rows.enumerate() {
+            let (y, turn) = &self.here[i];
+            let x = *y + *turn * mixed(rows, q1);
+            let free = (now[i][0] * 4.0 - before[i][0]) / 3.0;
+            before[i] = now[i];
+            now[i] = [x, (x - free) / tau];
+        }
+    }
+}
+
+/// Three rows, each times the codes.
+#[inline(always)]
+fn mixed(rows: &[f32], codes: &[f32]) -> Vec3A {
+    let mut out = [0.0f32; 3];
+    for (out, row) in out.iter_mut().zip(rows.chunks_exact(codes.len())) {
+        let mut sums = [0.0f32; 8];
+        let (rows, codes) = (row.as_chunks::<8>(), codes.as_chunks::<8>());
+        for (r, c) in rows.0.iter().zip(codes.0) {
+            (0..8).for_each(|i| sums[i] += r[i] * c[i]);
+        }
+        let rest = rows.1.iter().zip(codes.1).map(|(r, c)| r * c);
+        *out = sums.iter().sum::<f32>() + rest.sum::<f32>();
+    }
+    Vec3A::from_array(out)
+}
+
+/// The inverse of a symmetric positive definite matrix, by rows: Gauss and Jordan.
+fn inverse(mut a: Vec<f64>, k: usize) -> Vec<f64> {
+    let mut out = vec![0.0; k * k];
+    (0..k).for_each(|i| out[i * k + i] = 1.0);
+    for j in 0..k {
+        let pivot = 1.0 / a[j * k + j];
+        for c in 0..k {
+            a[j * k + c] *= pivot;
+            out[j * k + c] *= pivot;
+        }
+        for i in (0..k).filter(|i| *i != j) {
+            let f = a[i * k + j];
+            for c in 0..k {
+                a[i * k + c] -= f * a[j * k + c];
+                out[i * k + c] -= f * out[j * k + c];
+            }
+        }
+    }
+    out
+}
+
+/// How many numbers the swings add to a model's.
+pub(crate) fn n_swings(model: &Model) -> usize {
+    model.sway.as_ref().map_or(0, Sway::len)
+}

@@ -1,0 +1,280 @@
+//! Swings, against the formula in plain loops and double precision.
+
+use glam::{DAffine3, DMat3, DVec3};
+use muslin_body::{Avatar, Figure, Pose, Shape, motions};
+use muslin_model::{Encoder, Model, Player, Reader, Skin, Sway};
+use muslin_net::learn::{Mlp, Noise, Nonlinear};
+
+const VERTS: usize = 29;
+const SWINGS: usize = 5;
+const STEP: f64 = 1.0 / 30.0;
+
+/// Random cloth on two bones, whose pose mixes two shapes and which swings in five.
+fn model() -> Model {
+    let mut noise = Noise::new(5);
+    let drivers: Vec<String> = ["root", "upperarm01.L"].map(str::to_owned).into();
+    let encoder = Mlp {
+        widths: vec![Reader::n_inputs_of(drivers.len()), 4, 2],
+        bend: Nonlinear::Silu,
+        bias: true,
+    };
+    let mut skin = Skin {
+        starts: vec![0],
+        ..Skin::default()
+    };
+    for v in 0..VERTS {
+        let w = 0.2 + 0.6 * noise.unit() as f32;
+        skin.bones.extend([0, 1]);
+        skin.weights.extend([w, 1.0 - w]);
+        skin.starts.push(2 * (v as u32 + 1));
+    }
+    let sway = Sway {
+        shapes: noise.normals(3 * VERTS * SWINGS),
+        stiffness: vec![40.0, 90.0, 150.0, 300.0, 500.0],
+        damping: vec![1.0, 2.0, 3.0, 4.0, 5.0],
+        samples: vec![3, 11, 20],
+        masses: vec![0.02, 0.03, 0.04],
+        means: noise.normals(3 * 3 * SWINGS),
+    };
+    Model {
+        notes: Default::default(),
+        faces: vec![[0, 1, 2]],
+        template: (0..VERTS)
+            .map(|_| std::array::from_fn(|_| noise.normal() as f32))
+            .collect(),
+        bones: ["spine03", "upperarm01.L"].map(str::to_owned).into(),
+        skin,
+        scale: vec![[0.1, 1.3]; encoder.widths[0]],
+        drivers,
+        params: encoder.start(&mut noise),
+        encoder: Encoder::Plain(encoder),
+        modes: noise.normals(3 * VERTS * 3).iter().map(|x| 0.02 * x).collect(),
+        sway: Some(sway),
+    }
+}
+
+fn still(model: &Model) -> Model {
+    Model {
+        sway: None,
+        ..model.clone()
+    }
+}
+
+struct Body {
+    avatar: Avatar,
+    figure: Figure,
+}
+
+impl Body {
+    fn new() -> Body {
+        let avatar = Avatar::embedded().expect("the embedded body is sound");
+        let figure = avatar.figure(&Shape::default()).expect("the default shape");
+        Body { avatar, figure }
+    }
+
+    fn poses(&self, name: &str) -> Vec<Pose> {
+        let made = motions::make(&self.avatar, &self.figure, name, 1.0 / STEP);
+        made.expect("a built-in motion").poses[..24].to_vec()
+    }
+
+    fn play(&self, model: &Model, poses: &[Pose], level: f32) -> Vec<Vec<DVec3>> {
+        let mut player = Player::new(model, &self.avatar).expect("the bones are there");
+        player.begin(STEP);
+        player.set_motion_level(level);
+        let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        let one = |pose: &Pose| {
+            let mut out = vec![[0.0f32; 3]; VERTS];
+            player.frame(pose, &self.avatar.bones(&self.figure, pose), &mut out);
+            out.iter().map(wide).collect()
+        };
+        poses.iter().map(one).collect()
+    }
+
+    /// The mean turn of the bones of a vertex.
+    fn turn(&self, model: &Model, v: usize, bones: &[DAffine3]) -> DMat3 {
+        let of = |(b, w): (usize, f32)| {
+            let bone = self.avatar.bone(&model.bones[b]).expect("a bone");
+            bones[bone].matrix3 * f64::from(w)
+        };
+        model.skin.row(v).map(of).fold(DMat3::ZERO, |a, m| a + m)
+    }
+}
+
+fn mix(rows: &[f32], q: &[f64]) -> DVec3 {
+    let dot = |row: &[f32]| row.iter().zip(q).map(|(a, b)| f64::from(*a) * b).sum::<f64>();
+    DVec3::from_array(std::array::from_fn(|c| dot(&rows[c * q.len()..(c + 1) * q.len()])))
+}
+
+/// Solves a small system by elimination.
+fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
+    let n = b.len();
+    for j in 0..n {
+        for i in j + 1..n {
+            let f = a[i][j] / a[j][j];
+            let pivot = a[j].clone();
+            a[i].iter_mut().zip(&pivot).for_each(|(x, p)| *x -= f * p);
+            b[i] -= f * b[j];
+        }
+    }
+    for i in (0..n).rev() {
+        let known: f64 = (i + 1..n).map(|c| a[i][c] * b[c]).sum();
+        b[i] = (b[i] - known) / a[i][i];
+    }
+    b
+}
+
+/// The codes of every frame: BDF2 for the samples, written out.
+fn codes(body: &Body, model: &Model, poses: &[Pose]) -> Vec<Vec<f64>> {
+    let sway = model.sway.as_ref().expect("it swings");
+    let rest = body.play(&still(model), poses, 1.0);
+    let tau = 2.0 / 3.0 * STEP;
+    let k = SWINGS;
+    let mut out: Vec<Vec<f64>> = Vec::new();
+    // Positions and velocities of every sample in every frame.
+    let mut x: Vec<Vec<DVec3>> = Vec::new();
+    let mut v: Vec<Vec<DVec3>> = Vec::new();
+    for (f, pose) in poses.iter().enumerate() {
+        let bones = body.avatar.bones(&body.figure, pose);
+        let y: Vec<DVec3> = sway.samples.iter().map(|s| rest[f][*s as usize]).collect();
+        if f < 2 {
+            let speed = |i: usize| match f {
+                0 => DVec3::ZERO,
+                _ => (y[i] - x[0][i]) / STEP,
+            };
+            v.push((0..3).map(speed).collect());
+            x.push(y);
+            out.push(vec![0.0; k]);
+            continue;
+        }
+        // What was before the second frame went along with the body as well.
+        let before = |i: usize| match f {
+            2 => (x[1][i] - v[1][i] * STEP, v[1][i]),
+            _ => (x[f - 2][i], v[f - 2][i]),
+        };
+        let old = |i: usize| if f == 2 { 0.0 } else { out[f - 2][i] };
+        let mut a = vec![vec![0.0; k]; k];
+        let mut b = vec![0.0; k];
+        for i in 0..3 {
+            let (x2, v2) = before(i);
+            let free = (x[f - 1][i] * 4.0 - x2) / 3.0 + (v[f - 1][i] * 4.0 - v2) * (tau / 3.0);
+            let turn = body.turn(model, sway.samples[i] as usize, &bones);
+            let pull = turn.transpose() * (free - y[i]);
+            let m = f64::from(sway.masses[i]) / (tau * tau);
+            for c in 0..3 {
+                let row: Vec<f64> = (0..k)
+                    .map(|j| f64::from(sway.means[(3 * i + c) * k + j]))
+                    .collect();
+                for p in 0..k {
+                    b[p] += m * row[p] * pull[c];
+                    (0..k).for_each(|q| a[p][q] += m * row[p] * row[q]);
+                }
+            }
+        }
+        for p in 0..k {
+            let d = f64::from(sway.damping[p]) / tau;
+            a[p][p] += d + f64::from(sway.stiffness[p]);
+            b[p] += d * (4.0 * out[f - 1][p] - old(p)) / 3.0;
+        }
+        let q = solve(a, b);
+        let at = |i: usize| {
+            let turn = body.turn(model, sway.samples[i] as usize, &bones);
+            y[i] + turn * mix(&sway.means[3 * i * k..3 * (i + 1) * k], &q)
+        };
+        let here: Vec<DVec3> = (0..3).map(at).collect();
+        let speed = |i: usize| (here[i] - (x[f - 1][i] * 4.0 - before(i).0) / 3.0) / tau;
+        v.push((0..3).map(speed).collect());
+        x.push(here);
+        out.push(q);
+    }
+    out
+}
+
+#[test]
+fn frames_swing_as_the_formula_says() {
+    let (body, model) = (Body::new(), model());
+    let sway = model.sway.as_ref().expect("it swings");
+    let poses = body.poses("run");
+    let played = body.play(&model, &poses, 0.6);
+    let rest = body.play(&still(&model), &poses, 1.0);
+    let codes = codes(&body, &model, &poses);
+    let mut most = 0.0f64;
+    for (f, pose) in poses.iter().enumerate() {
+        let bones = body.avatar.bones(&body.figure, pose);
+        for v in 0..VERTS {
+            let rows = &sway.shapes[3 * v * SWINGS..3 * (v + 1) * SWINGS];
+            let swing = body.turn(&model, v, &bones) * mix(rows, &codes[f]) * 0.6;
+            let got = played[f][v] - rest[f][v];
+            assert!(got.distance(swing) < 2e-4 * (1.0 + swing.length()), "{f} {v}: {got} {swing}");
+            most = most.max(swing.length());
+        }
+    }
+    assert!(most > 0.01, "{most} m of swing");
+}
+
+#[test]
+fn who_stands_still_or_goes_straight_on_swings_by_nothing_and_turning_the_room_turns_the_swing() {
+    let (body, model) = (Body::new(), model());
+    let stand = vec![body.poses("wave")[5].clone(); 300];
+    let rest = body.play(&still(&model), &stand[..1], 1.0);
+    for frame in body.play(&model, &stand, 1.0) {
+        for (x, y) in frame.iter().zip(&rest[0]) {
+            assert!(x.distance(*y) < 1e-6, "drifts to {x} from {y}");
+        }
+    }
+    let mut glide = stand;
+    for (k, pose) in glide.iter_mut().enumerate() {
+        pose.root += DVec3::X * (1.5 * STEP * k as f64);
+    }
+    let rest = body.play(&still(&model), &glide, 1.0);
+    for (frame, rest) in body.play(&model, &glide, 1.0).iter().zip(&rest) {
+        let off = frame.iter().zip(rest).map(|(x, y)| x.distance(*y));
+        assert!(off.fold(0.0, f64::max) < 1e-3, "at a steady pace");
+    }
+    let poses = body.poses("wave");
+    let turn = glam::DQuat::from_rotation_y(2.2);
+    let pivot = body.figure.joints[0];
+    let turned: Vec<Pose> = (poses.iter().cloned())
+        .map(|mut p| {
+            p.rotations[0] = turn * p.rotations[0];
+            p.root = turn * p.root;
+            p
+        })
+        .collect();
+    let (a, b) = (body.play(&model, &poses, 1.0), body.play(&model, &turned, 1.0));
+    for (p, q) in a.iter().flatten().zip(b.iter().flatten()) {
+        let want = pivot + turn * (*p - pivot);
+        assert!(want.distance(*q) < 1e-4, "{want} {q}");
+    }
+}
+
+#[test]
+fn a_stored_model_swings_alike_and_parts_that_do_not_fit_are_refused() {
+    let (body, model) = (Body::new(), model());
+    let back = Model::from_weights(&model.to_weights()).expect("it was just written");
+    assert!(back.has_motion_level() && !still(&back).has_motion_level());
+    let poses = body.poses("wave");
+    let (a, b) = (body.play(&model, &poses, 1.0), body.play(&back, &poses, 1.0));
+    let far = a.iter().flatten().zip(b.iter().flatten());
+    assert!(far.map(|(p, q)| p.distance(*q)).fold(0.0, f64::max) < 0.02);
+    assert_eq!(Model::from_weights(&back.to_weights()), Ok(back.clone()));
+    let none = Model::from_weights(&still(&model).to_weights()).expect("without swings");
+    assert_eq!(none.sway, None);
+    let whole = model.to_weights();
+    let parts = whole.arrays.keys().filter(|k| k.starts_with("sway."));
+    for name in parts.filter(|k| *k != "sway.shapes") {
+        let mut cut = whole.clone();
+        cut.arrays.remove(name);
+        let fault = Model::from_weights(&cut).expect_err("an array is missing");
+        assert!(fault.to_string().contains(name.as_str()), "{fault}");
+    }
+    for spoil in [
+        (|s: &mut Sway| s.samples[1] = 99) as fn(&mut Sway),
+        |s| s.stiffness[0] = -1.0,
+        |s| s.masses = vec![0.0; 3],
+        |s| s.damping[2] = f32::NAN,
+    ] {
+        let mut other = model.clone();
+        spoil(other.sway.as_mut().expect("it swings"));
+        assert!(Model::from_weights(&other.to_weights()).is_err());
+    }
+}

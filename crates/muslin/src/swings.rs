@@ -1,0 +1,35 @@
+//! How a garment swings on somebody: what no network has to learn.
+
+use glam::DVec3;
+use muslin_body::{Avatar, Cores, Figure, Pose};
+use muslin_model::{Encoder, Model, Sway};
+use muslin_sim::{Cloth, Options, hang};
+
+use crate::drape::NEARLY_THERE;
+use crate::failure::{Exit, Failure};
+use crate::figure::body_frame;
+
+/// Steps in which cloth comes to hang on the body at rest.
+const HUNG: usize = 40;
+
+/// Whether a model is of our own system, whose motion is swings about what the pose tells.
+pub(crate) fn are_ours(model: &Model) -> bool {
+    matches!(model.encoder, Encoder::Plain(_))
+}
+
+/// The swings of a cloth that starts at some place [m] around a figure at rest; none where it is too
+/// small to swing.
+pub(crate) fn swings(
+    (avatar, figure): (&Avatar, &Figure),
+    (cloth, start): (&Cloth, &[DVec3]),
+) -> Result<Option<Sway>, Failure> {
+    let cores = Cores::new(avatar, figure);
+    let body = body_frame(avatar, &avatar.pose(figure, &Pose::rest(avatar)), &cores);
+    let options = Options {
+        last_steps: HUNG,
+        ..NEARLY_THERE
+    };
+    let hanging = hang(cloth, start, (&body, avatar.collision_faces()), &options);
+    let hanging = hanging.map_err(|e| Failure::new(Exit::Numbers, "swings", e.to_string()))?;
+    Ok(muslin_train::sway(&hanging))
+}
