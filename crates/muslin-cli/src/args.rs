@@ -266,7 +266,7 @@ Examples:
   muslin animate --model tee.muslin --motion walk -o walk.glb
   muslin animate --model tee.muslin --motion dance.bvh --npz dance.npz --picture -o dance.glb
   muslin animate --model tee.muslin --motion walk --refine 0 -o raw.glb      as predicted, unchecked
-  muslin animate --model ncs.muslin --motion run --motion-level 0.7          with less swing
+  muslin animate --garment skirt --motion spin --motion-level 0.7            with less swing
 
 OUT.report.json says how good the result is.")]
 pub struct Animate {
@@ -292,11 +292,12 @@ pub struct Animate {
     /// A built-in motion (see `muslin list motions`) or a file (BVH, or NPZ with poses).
     #[arg(long, default_value = "walk", value_name = "NAME|FILE")]
     pub motion: String,
-    /// Solver iterations a frame; 0 writes frames as predicted, unchecked.
+    /// Solver iterations a frame, or for each step in time of cloth that swings; 0 writes frames as
+    /// predicted, unchecked.
     #[arg(long, default_value_t = 5)]
     pub refine: usize,
-    /// How much motion counts, 0 to 10: 1 as it was taught, 0 as if the body stood still; for models
-    /// of `muslin train ncs` [default: 1].
+    /// How much motion counts, 0 to 10: 1 as in nature, 0 as if the body stood still in every pose. With
+    /// --refine it is the cloth's inertia; not for models of `muslin train pbns|snug` [default: 1].
     #[arg(long)]
     pub motion_level: Option<f64>,
     /// The animation, a .glb file.

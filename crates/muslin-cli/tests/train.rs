@@ -81,6 +81,31 @@ fn a_garment_is_taught_played_and_led_to_rest() {
     assert!(errors(&raw).contains("unchecked"), "{}", errors(&raw));
     let report = std::fs::read_to_string(folder.at("w.report.json")).expect("written");
     assert!(report.contains("\"checked\": \"unchecked\""), "{report}");
+
+    // It swings about where it rests, as predicted and as refined.
+    let npz = folder.at("w.npz");
+    let film = |refine: &str, level: &str| {
+        let done = play(&["--refine", refine, "--motion-level", level, "--npz", &npz]);
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        let clip = muslin_io::read_clip(&folder.0.join("w.npz"));
+        clip.expect("it can be read").drape.frames
+    };
+    for refine in ["0", "2"] {
+        let [still, usual, more] = ["0", "1", "3"].map(|level| film(refine, level));
+        assert!(
+            still[0] == usual[0] && usual[0] == more[0],
+            "they set off alike"
+        );
+        assert!(still[5] != usual[5] && usual[5] != more[5], "{refine}");
+        if refine == "0" {
+            let mut swings = [0.0, 0.0];
+            for (v, rest) in still[5].iter().enumerate() {
+                swings[0] += usual[5][v].distance(*rest);
+                swings[1] += more[5][v].distance(*rest);
+            }
+            assert!((swings[1] / swings[0] - 3.0).abs() < 0.01, "{swings:?}");
+        }
+    }
 }
 
 /// Sends a signal to a process.

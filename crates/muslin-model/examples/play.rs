@@ -1,5 +1,5 @@
 //! How many frames a second a model plays on one core: `cargo run --release -p muslin-model
-//! --example play [VERTICES [CODES [WIDTH]]]`.
+//! --example play [VERTICES [CODES [WIDTH [SWINGS]]]]`.
 //!
 //! The model is made up: a tube around the spine and arms, six bones a vertex, random shapes. What
 //! it costs is that of a trained one. Prints the least of many short runs; the posed bones are
@@ -8,9 +8,11 @@
 use std::time::Instant;
 
 use muslin_body::{Avatar, Pose, Shape, motions};
-use muslin_model::{Encoder, Model, Player, Reader, Skin};
+use muslin_model::{Encoder, Model, Player, Reader, Skin, Sway};
 use muslin_net::learn::{Mlp, Noise, Nonlinear};
 
+/// Points whose motion stands for the tube's.
+const SAMPLES: usize = 96;
 /// Bones that the tube lies along.
 const BONES: [&str; 12] = [
     "upperleg01.L",
@@ -33,10 +35,10 @@ fn main() {
         Some(Ok(n)) => n,
         _ => usual,
     };
-    let (n, codes, width) = (next(12_037), next(64), next(128));
+    let (n, codes, width, swings) = (next(12_037), next(64), next(128), next(16));
     let avatar = Avatar::embedded().expect("the embedded body is sound");
     let figure = avatar.figure(&Shape::default()).expect("the default shape");
-    let model = model((n, codes, width));
+    let model = model((n, codes, width), swings);
     let mut player = Player::new(&model, &avatar).expect("all bones are the body's");
     let walk = motions::make(&avatar, &figure, "walk", 30.0).expect("a built-in motion");
     let poses: Vec<&Pose> = walk.poses.iter().step_by(3).take(32).collect();
@@ -55,7 +57,7 @@ fn main() {
     let batched = least(|| player.frames(&all, &mut out));
     let rate = |seconds: f64| poses.len() as f64 / seconds;
     println!(
-        "{n} vertices, {codes} codes, width {width}: {:.0} frames a second one by one, {:.0} together",
+        "{n} vertices, {codes} codes, width {width}, {swings} swings: {:.0} frames a second one by one, {:.0} together",
         rate(single),
         rate(batched)
     );
@@ -72,7 +74,7 @@ fn least(mut job: impl FnMut()) -> f64 {
     best
 }
 
-fn model((n, codes, width): (usize, usize, usize)) -> Model {
+fn model((n, codes, width): (usize, usize, usize), swings: usize) -> Model {
     let mut noise = Noise::new(3);
     let names = BONES.map(str::to_owned).to_vec();
     let encoder = Mlp {
@@ -110,6 +112,15 @@ fn model((n, codes, width): (usize, usize, usize)) -> Model {
             .iter()
             .map(|x| 0.01 * x)
             .collect(),
-        sway: None,
+        sway: Some(Sway {
+            shapes: noise.normals(3 * n * swings),
+            stiffness: vec![200.0; swings],
+            damping: vec![6.0; swings],
+            samples: (0..SAMPLES as u32)
+                .map(|k| k * (n / SAMPLES) as u32)
+                .collect(),
+            masses: vec![0.2 / SAMPLES as f32; SAMPLES],
+            means: noise.normals(3 * SAMPLES * swings),
+        }),
     }
 }

@@ -48,7 +48,11 @@ fn model() -> Model {
         drivers,
         params: encoder.start(&mut noise),
         encoder: Encoder::Plain(encoder),
-        modes: noise.normals(3 * VERTS * 3).iter().map(|x| 0.02 * x).collect(),
+        modes: noise
+            .normals(3 * VERTS * 3)
+            .iter()
+            .map(|x| 0.02 * x)
+            .collect(),
         sway: Some(sway),
     }
 }
@@ -101,8 +105,15 @@ impl Body {
 }
 
 fn mix(rows: &[f32], q: &[f64]) -> DVec3 {
-    let dot = |row: &[f32]| row.iter().zip(q).map(|(a, b)| f64::from(*a) * b).sum::<f64>();
-    DVec3::from_array(std::array::from_fn(|c| dot(&rows[c * q.len()..(c + 1) * q.len()])))
+    let dot = |row: &[f32]| {
+        row.iter()
+            .zip(q)
+            .map(|(a, b)| f64::from(*a) * b)
+            .sum::<f64>()
+    };
+    DVec3::from_array(std::array::from_fn(|c| {
+        dot(&rows[c * q.len()..(c + 1) * q.len()])
+    }))
 }
 
 /// Solves a small system by elimination.
@@ -204,7 +215,10 @@ fn frames_swing_as_the_formula_says() {
             let rows = &sway.shapes[3 * v * SWINGS..3 * (v + 1) * SWINGS];
             let swing = body.turn(&model, v, &bones) * mix(rows, &codes[f]) * 0.6;
             let got = played[f][v] - rest[f][v];
-            assert!(got.distance(swing) < 2e-4 * (1.0 + swing.length()), "{f} {v}: {got} {swing}");
+            assert!(
+                got.distance(swing) < 2e-4 * (1.0 + swing.length()),
+                "{f} {v}: {got} {swing}"
+            );
             most = most.max(swing.length());
         }
     }
@@ -240,7 +254,10 @@ fn who_stands_still_or_goes_straight_on_swings_by_nothing_and_turning_the_room_t
             p
         })
         .collect();
-    let (a, b) = (body.play(&model, &poses, 1.0), body.play(&model, &turned, 1.0));
+    let (a, b) = (
+        body.play(&model, &poses, 1.0),
+        body.play(&model, &turned, 1.0),
+    );
     for (p, q) in a.iter().flatten().zip(b.iter().flatten()) {
         let want = pivot + turn * (*p - pivot);
         assert!(want.distance(*q) < 1e-4, "{want} {q}");
@@ -253,7 +270,10 @@ fn a_stored_model_swings_alike_and_parts_that_do_not_fit_are_refused() {
     let back = Model::from_weights(&model.to_weights()).expect("it was just written");
     assert!(back.has_motion_level() && !still(&back).has_motion_level());
     let poses = body.poses("wave");
-    let (a, b) = (body.play(&model, &poses, 1.0), body.play(&back, &poses, 1.0));
+    let (a, b) = (
+        body.play(&model, &poses, 1.0),
+        body.play(&back, &poses, 1.0),
+    );
     let far = a.iter().flatten().zip(b.iter().flatten());
     assert!(far.map(|(p, q)| p.distance(*q)).fold(0.0, f64::max) < 0.02);
     assert_eq!(Model::from_weights(&back.to_weights()), Ok(back.clone()));

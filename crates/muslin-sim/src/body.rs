@@ -147,7 +147,9 @@ impl Body {
         let sticks = |t: &Touch| {
             let face = seen[t.verts[0] as usize].face as usize;
             let corners = now.faces()[face];
-            !corners.iter().any(|v| slick.get(*v as usize) == Some(&true))
+            !corners
+                .iter()
+                .any(|v| slick.get(*v as usize) == Some(&true))
         };
         for t in out.iter_mut().filter(|t| sticks(t)) {
             t.press(x, weave.friction[t.verts[0] as usize]);

@@ -144,7 +144,10 @@ impl<'a> Matrix<'a> {
             let mut row: Vec<(u32, DMat3)> = others
                 .map(|k| (near.items[k], self.blocks[k].as_dmat3()))
                 .collect();
-            row.extend(far.span(i).map(|k| (far.items[k], scalar(self.bending.far_weights[k]))));
+            row.extend(
+                far.span(i)
+                    .map(|k| (far.items[k], scalar(self.bending.far_weights[k]))),
+            );
             // Rows that sum to nothing but what holds the vertex: to the last digit, for a swing is
             // a millionth of what yarns could do.
             let sum: DMat3 = row.iter().map(|e| e.1).sum();

@@ -91,7 +91,11 @@ pub fn refine(
         deliver,
     };
     // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
-    rayon::join(|| run.all(guesses, (walk.lead, 1.0 / walk.fps, go_on)), || ()).0
+    rayon::join(
+        || run.all(guesses, (walk.lead, 1.0 / walk.fps, go_on)),
+        || (),
+    )
+    .0
 }
 
 struct Run<'a, D> {

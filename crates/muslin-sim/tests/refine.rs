@@ -168,7 +168,12 @@ fn hem(inertia: f64) -> Vec<f64> {
     let corners = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
     let mut cloth = cut(flat.len(), faces, corners, cotton());
     cloth.pins = (60..63).collect();
-    let (ball, faces) = capsule(DVec3::new(0.02, 0.42, 0.0), DVec3::new(0.02, 0.42, 1e-6), 0.01, 12);
+    let (ball, faces) = capsule(
+        DVec3::new(0.02, 0.42, 0.0),
+        DVec3::new(0.02, 0.42, 1e-6),
+        0.01,
+        12,
+    );
     let way = |k: usize| DVec3::Z * (0.02 * k.min(JERK) as f64);
     let at = |k: usize| {
         let there = ball.iter().map(|p| *p + way(k));
@@ -183,9 +188,8 @@ fn hem(inertia: f64) -> Vec<f64> {
         fps: 30.0,
         at: &at,
     };
-    let straight = |k: usize| -> Vec<DVec3> {
-        flat.iter().map(|p| p.extend(0.0) + way(k)).collect()
-    };
+    let straight =
+        |k: usize| -> Vec<DVec3> { flat.iter().map(|p| p.extend(0.0) + way(k)).collect() };
     let guesses = Guesses {
         frames: &(0..frames).map(straight).collect::<Vec<_>>(),
         first: 0,
@@ -220,5 +224,8 @@ fn with_inertia_cloth_swings_and_more_of_it_swings_slower() {
     // Half of a hanging chain's period, π / (2.405 / 2 √(g / L)).
     let law = std::f64::consts::PI / (0.5 * 2.405 * (9.81f64 / 0.4).sqrt());
     assert!((usual / law - 1.0).abs() < 0.1, "{usual} s for {law} s");
-    assert!((heavy / usual / 2.0 - 1.0).abs() < 0.1, "{heavy} s of {usual} s");
+    assert!(
+        (heavy / usual / 2.0 - 1.0).abs() < 0.1,
+        "{heavy} s of {usual} s"
+    );
 }

@@ -14,13 +14,13 @@ use rayon::prelude::*;
 use crate::factor::{Factor, Matrix, Pattern};
 
 /// Swings that a model is given.
-const SWINGS: usize = 24;
+const SWINGS: usize = 16;
 /// Vectors that are led along beside them, so that the last converge as well.
-const BESIDE: usize = 8;
+const BESIDE: usize = 6;
 /// Rounds of leading downhill.
 const ROUNDS: usize = 6;
 /// Points that stand for the whole.
-const SAMPLES: usize = 192;
+const SAMPLES: usize = 96;
 /// Share of critical damping: what rubs in yarns and stirs the air.
 const DAMPING: f64 = 0.2;
 /// Nothing swings slower than this [rad/s].
@@ -147,8 +147,9 @@ impl<'a> System<'a> {
                 0 => x,
                 _ => {
                     let mut rest = self.stiff(&x);
-                    for (r, (row, x)) in
-                        (rest.rows.chunks_exact_mut(x.width)).zip(x.rows.chunks_exact(x.width)).enumerate()
+                    for (r, (row, x)) in (rest.rows.chunks_exact_mut(x.width))
+                        .zip(x.rows.chunks_exact(x.width))
+                        .enumerate()
                     {
                         let mass = self.hanging.mass[r / 3];
                         let each = row.iter_mut().zip(x).zip(&values);
@@ -201,7 +202,10 @@ impl<'a> System<'a> {
             .collect();
         let by_unit = |m: Vec<Vec<f64>>| -> Vec<Vec<f64>> {
             let entry = |i: usize, row: &Vec<f64>| -> Vec<f64> {
-                row.iter().zip(&unit).map(|(x, u)| x * u * unit[i]).collect()
+                row.iter()
+                    .zip(&unit)
+                    .map(|(x, u)| x * u * unit[i])
+                    .collect()
             };
             m.iter().enumerate().map(|(i, row)| entry(i, row)).collect()
         };
@@ -250,7 +254,10 @@ const SHIFT: f64 = 40.0;
 
 /// `Xᵀ diag(weights) Y`.
 fn product(x: &Block, y: &Block, weight: impl Fn(usize) -> f64 + Sync) -> Vec<Vec<f64>> {
-    let lots = x.rows.par_chunks(LOT * x.width).zip(y.rows.par_chunks(LOT * y.width));
+    let lots = x
+        .rows
+        .par_chunks(LOT * x.width)
+        .zip(y.rows.par_chunks(LOT * y.width));
     let one = |(l, (xs, ys)): (usize, (&[f64], &[f64]))| {
         let mut out = vec![vec![0.0; y.width]; x.width];
         let rows = xs.chunks_exact(x.width).zip(ys.chunks_exact(y.width));
@@ -279,7 +286,10 @@ const LOT: usize = 1024;
 fn mixed(x: &Block, a: &[Vec<f64>]) -> Block {
     let width = a[0].len();
     let mut rows = vec![0.0; x.rows.len() / x.width * width];
-    for (out, x) in rows.chunks_exact_mut(width).zip(x.rows.chunks_exact(x.width)) {
+    for (out, x) in rows
+        .chunks_exact_mut(width)
+        .zip(x.rows.chunks_exact(x.width))
+    {
         for (x, a) in x.iter().zip(a) {
             out.iter_mut().zip(a).for_each(|(o, a)| *o += x * a);
         }
@@ -289,10 +299,15 @@ fn mixed(x: &Block, a: &[Vec<f64>]) -> Block {
 
 /// All columns of both.
 fn side_by_side(x: &Block, y: &Block) -> Block {
-    let rows = x.rows.chunks_exact(x.width).zip(y.rows.chunks_exact(y.width));
+    let rows = x
+        .rows
+        .chunks_exact(x.width)
+        .zip(y.rows.chunks_exact(y.width));
     Block {
         width: x.width + y.width,
-        rows: rows.flat_map(|(x, y)| x.iter().chain(y).copied().collect::<Vec<_>>()).collect(),
+        rows: rows
+            .flat_map(|(x, y)| x.iter().chain(y).copied().collect::<Vec<_>>())
+            .collect(),
     }
 }
 
@@ -302,10 +317,18 @@ fn scaled(x: &Block) -> Vec<f32> {
     for row in x.rows.chunks_exact(x.width) {
         squares.iter_mut().zip(row).for_each(|(s, x)| *s += x * x);
     }
-    let scale: Vec<f64> = squares.iter().map(|s: &f64| 1.0 / s.sqrt().max(1e-30)).collect();
+    let scale: Vec<f64> = squares
+        .iter()
+        .map(|s: &f64| 1.0 / s.sqrt().max(1e-30))
+        .collect();
     let rows = x.rows.chunks_exact(x.width);
-    rows.flat_map(|row| row.iter().zip(&scale).map(|(x, s)| (x * s) as f32).collect::<Vec<_>>())
-        .collect()
+    rows.flat_map(|row| {
+        row.iter()
+            .zip(&scale)
+            .map(|(x, s)| (x * s) as f32)
+            .collect::<Vec<_>>()
+    })
+    .collect()
 }
 
 #[cfg(test)]
@@ -373,7 +396,10 @@ mod tests {
         // Zeros of J0 over 2, times √(g / L) (Bernoulli 1732).
         let root = (9.81f64 / 0.4).sqrt();
         let [first, second] = [2.405, 5.520].map(|zero| 0.5 * zero * root);
-        assert!((slowest / first - 1.0).abs() < 0.03, "{slowest} for {first}");
+        assert!(
+            (slowest / first - 1.0).abs() < 0.03,
+            "{slowest} for {first}"
+        );
         let all: Vec<f64> = (sway.stiffness.iter())
             .map(|k| f64::from(*k).sqrt())
             .collect();
@@ -396,7 +422,10 @@ mod tests {
         let gram = product(&x, &x, |row| hanging.mass[row / 3]);
         for (i, row) in gram.iter().enumerate() {
             for (j, g) in row.iter().enumerate() {
-                assert!((g - f64::from(u8::from(i == j))).abs() < 1e-6, "{i} {j}: {g}");
+                assert!(
+                    (g - f64::from(u8::from(i == j))).abs() < 1e-6,
+                    "{i} {j}: {g}"
+                );
             }
         }
         let stiff = system.stiff(&x);
@@ -423,11 +452,15 @@ mod tests {
         assert!((stood / mass - 1.0).abs() < 1e-5);
         for (k, axis) in (0..sway.len()).flat_map(|k| (0..3).map(move |a| (k, a))) {
             let pull = |masses: &[f64], rows: &[f32]| -> f64 {
-                let one = |(v, m): (usize, &f64)| m * f64::from(rows[(3 * v + axis) * sway.len() + k]);
+                let one =
+                    |(v, m): (usize, &f64)| m * f64::from(rows[(3 * v + axis) * sway.len() + k]);
                 masses.iter().enumerate().map(one).sum()
             };
             let masses: Vec<f64> = sway.masses.iter().map(|m| f64::from(*m)).collect();
-            let [all, few] = [pull(&hanging.mass, &sway.shapes), pull(&masses, &sway.means)];
+            let [all, few] = [
+                pull(&hanging.mass, &sway.shapes),
+                pull(&masses, &sway.means),
+            ];
             assert!((all - few).abs() < 1e-5, "{k} {axis}: {all} {few}");
         }
     }

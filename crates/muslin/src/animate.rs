@@ -41,8 +41,10 @@ const MOST_BYTES: u64 = 256 << 20;
 /// Plays a model on a motion and writes the animation to `out` (a `.glb`), with `NAME.report.json`
 /// beside it.
 ///
-/// Every frame that the network predicts is led by `refine` iterations of the solver to where the
-/// cloth lies without touching, and checked by exact predicates; frames that fail are solved again.
+/// Cloth of our own models swings on from where the first frame was led to, `refine` iterations for each
+/// of the solver's steps in time; without motion, and for the published systems, every frame that the
+/// network predicts is led by as many to where it lies without touching. Frames are checked by exact
+/// predicates, and those that fail are solved again.
 /// With `refine` zero frames are written as predicted, and the report says `unchecked`.
 pub fn animate(
     out: &Path,
@@ -94,7 +96,7 @@ fn knows(model: &Model, options: &AnimateOptions) -> Result<(), Failure> {
     };
     Err(Failure::new(Exit::Usage, "no-motion-level", what)
         .at("--motion-level")
-        .hint("`muslin train ncs` makes models that have one"))
+        .hint("our own models and those of `muslin train ncs` have one"))
 }
 
 /// What to say where a model that knows motion is played at another rate than it was taught.

@@ -14,9 +14,10 @@ pub struct AnimateOptions {
     /// Motion, rate and files. The garment is the model's; body and fabric are as well, as far as
     /// nothing else is asked for.
     pub simulate: SimulateOptions,
-    /// Solver iterations a frame; with none, frames are written as predicted.
+    /// Solver iterations a frame, or for each step in time of cloth that swings; with none, frames are
+    /// written as predicted.
     pub refine: usize,
-    /// How much motion counts, 1 as it was taught; for models that tell it from the pose.
+    /// How much motion counts, 1 as in nature; for models that tell it from the pose.
     pub motion_level: Option<f64>,
 }
 

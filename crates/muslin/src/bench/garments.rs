@@ -12,7 +12,7 @@ use muslin_sim::{Cloth, Settled};
 use rayon::prelude::*;
 
 use super::clock::{least_of, load};
-use super::needed;
+use super::{needed, swing};
 use crate::animate::{along, as_trained, fits, model_failure, predict, read_model, refined};
 use crate::dress::asked_shape;
 use crate::evaluate::evaluate;
@@ -23,6 +23,7 @@ use crate::simulate::SimulateOptions;
 use crate::simulate::motion;
 use crate::simulate::reel::{Reel, Told};
 use crate::simulate::set::Set;
+use crate::swings;
 use crate::table::Table;
 use crate::watch::Watch;
 
@@ -33,7 +34,7 @@ pub const HELD_OUT: [&str; 3] = [
     "motion/cmu-bvh/01_01_playground_forward-jumps_turn.bvh",
 ];
 /// Solver iterations of the refined tier.
-const REFINE: usize = 5;
+pub(super) const REFINE: usize = 5;
 /// Frames that the refined tier was led through up to one that is looked at: half a run of them.
 const LONG: usize = 15;
 /// Iterations that lead from there to the minimiser.
@@ -113,7 +114,7 @@ impl Subject {
         let taught = self.note("fps").parse().unwrap_or(30.0);
         match self.model.encoder.is_moving() {
             true => (taught, (taught / LOOKS).round().max(1.0) as usize),
-            false => (30.0, 6),
+            false => (30.0, (30.0 / LOOKS).round() as usize),
         }
     }
 
@@ -159,21 +160,29 @@ pub fn garments(data: Option<&Path>, models: &[PathBuf], cases: usize) -> Result
         "crossings",
         "frames",
     ]);
+    let mut motion = Table::new(&swing::HEADS);
     let mut rates = vec![String::new(); subjects.len()];
     for clip in HELD_OUT {
         let n = cases.div_ceil(HELD_OUT.len());
         for (k, subject) in subjects.iter().enumerate() {
             let name = clip_name(clip, k == 0);
-            rates[k] = one_clip((&avatar, subject), (&data.join(clip), name), n, &mut table)?;
+            let at = &data.join(clip);
+            rates[k] = one_clip((&avatar, subject), (at, name.clone()), n, &mut table)?;
+            if swings::are_ours(&subject.model) {
+                let names = [name.as_str(), &subject.name()];
+                swing::rows((&avatar, &subject.model), (at, names), &mut motion)?;
+            }
         }
     }
     let lines = subjects.iter().zip(rates);
     let lines: Vec<String> = lines.map(|(s, r)| format!("{}\n{r}", s.told())).collect();
     Ok(format!(
-        "{}\n\n{}\n{}\n\
+        "{}\n\n{}\n\n{}\n{}\n\
          strain: StVK of the reference cloth; gap: stretch, bending and weight in the garment's own \
-         fabric above\nthe solver after {CONVERGED} more iterations; crossings and pairs are a frame's mean, by exact predicates",
+         fabric above\nthe solver after {CONVERGED} more iterations; crossings and pairs are a frame's mean, by exact predicates\n\
+         swing: how cloth moves beyond where the network says that it rests; alike: 1 where it is the simulator's",
         table.text(),
+        motion.text(),
         lines.join("\n"),
         load(),
     ))
@@ -194,8 +203,13 @@ fn one_clip(
     n: usize,
     table: &mut Table,
 ) -> Result<String, Failure> {
-    let (model, (fps, every)) = (&subject.model, subject.rate());
-    let set = set((avatar, model), (clip, fps))?;
+    // What rests is compared with what rests: our own models without their swings.
+    let model = &Model {
+        sway: None,
+        ..subject.model.clone()
+    };
+    let (fps, every) = subject.rate();
+    let set = set((avatar, model), (clip, fps), None)?;
     let raw = predict((&set, model), (1.0, every))?;
     let plain = Model {
         modes: vec![0.0; model.modes.len()],
@@ -247,14 +261,24 @@ fn one_clip(
             n.to_string(),
         ]);
     }
-    speed((avatar, model), &set)
+    let swinging = Model {
+        sway: match swings::are_ours(model) {
+            true => swings::swings((avatar, &set.figure), (&set.cloth, &set.start))?,
+            false => None,
+        },
+        ..model.clone()
+    };
+    speed((avatar, &swinging), &set)
 }
 
-fn set<'a>(
+/// A model's garment and body on a clip, or on its first seconds.
+pub(super) fn set<'a>(
     (avatar, model): (&'a Avatar, &Model),
     (clip, fps): (&Path, f64),
+    seconds: Option<f64>,
 ) -> Result<Set<'a>, Failure> {
     let options = SimulateOptions {
+        seconds,
         motion: clip.to_string_lossy().into_owned(),
         fps,
         ..SimulateOptions::default()

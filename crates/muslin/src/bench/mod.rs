@@ -8,6 +8,7 @@ mod cloth;
 mod crowd;
 mod garments;
 mod rooms;
+mod swing;
 mod whole;
 
 use std::path::Path;

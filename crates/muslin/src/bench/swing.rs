@@ -1,0 +1,180 @@
+//! How much cloth swings: predicted, refined with inertia, and simulated.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use glam::{DMat3, DVec3};
+use muslin_body::Avatar;
+use muslin_model::{Model, Skin};
+use muslin_sim::{Options, SimError, simulate};
+
+use super::garments::{REFINE, set};
+use crate::animate::{along, predict};
+use crate::failure::{Exit, Failure};
+use crate::simulate::set::Set;
+use crate::swings;
+use crate::table::Table;
+use crate::watch::Watch;
+
+/// Seconds of a clip that are danced, and frames a second that are compared.
+const SECONDS: f64 = 2.5;
+const FPS: f64 = 30.0;
+/// Simulated frames for each of them: the simulator at the rate that it is made for.
+const FINER: usize = 2;
+
+/// Adds the rows of a clip: what cloth does beyond where it would rest.
+///
+/// Content is the root mean square of how a vertex moves against the prediction for a body that stands
+/// still in each pose, in the frame of the bones it follows; what never changes (a fold that lies
+/// elsewhere) does not count.
+pub(super) fn rows(
+    (avatar, model): (&Avatar, &Model),
+    (clip, names): (&Path, [&str; 2]),
+    table: &mut Table,
+) -> Result<(), Failure> {
+    let set_at = |fps: f64| set((avatar, model), (clip, fps), Some(SECONDS));
+    let here = set_at(FPS)?;
+    let swinging = Model {
+        sway: swings::swings((avatar, &here.figure), (&here.cloth, &here.start))?,
+        ..model.clone()
+    };
+    let still = predict((&here, &swinging), (0.0, usize::MAX))?.frames;
+    let raw = predict((&here, &swinging), (1.0, usize::MAX))?.frames;
+    let refined = along((&here, REFINE, 1.0), (0, &raw), &mut Watch::nobody())?;
+    let refined: Vec<Vec<DVec3>> = refined.into_iter().map(|s| s.cloth).collect();
+    let simulated = simulated(&set_at(FPS * FINER as f64)?)?;
+    let turns = turns(&here, model)?;
+    let beyond = |x: &[Vec<DVec3>]| beyond(x, &still, &turns);
+    let truth = beyond(&simulated);
+    for (tier, x) in [
+        ("network", &raw),
+        ("refined", &refined),
+        ("simulated", &simulated),
+    ] {
+        let own = beyond(x);
+        let first = |name: &str| {
+            if tier == "network" {
+                name.to_owned()
+            } else {
+                String::new()
+            }
+        };
+        table.row([
+            first(names[0]),
+            first(names[1]),
+            tier.to_owned(),
+            format!("{:.1}", content(&own) * 1e3),
+            format!("{:.2}", content(&own) / content(&truth)),
+            format!("{:.2}", alike(&own, &truth)),
+        ]);
+    }
+    Ok(())
+}
+
+/// Heads of the table that [`rows`] fills.
+pub(super) const HEADS: [&str; 6] = [
+    "clip",
+    "model",
+    "tier",
+    "swing mm",
+    "of the simulator's",
+    "alike",
+];
+
+/// Every `FINER`-th simulated frame.
+fn simulated(set: &Set) -> Result<Vec<Vec<DVec3>>, Failure> {
+    let (rest, at) = (set.rest(), |k: usize| set.frame(k));
+    let walk = set.walk(&rest, &at);
+    let mut out = Vec::new();
+    let ended = simulate(
+        &set.cloth,
+        (&set.start, None),
+        (&walk, &Options::default()),
+        |m| {
+            if m.frame.is_multiple_of(FINER) {
+                out.push(m.verts.to_vec());
+            }
+            ControlFlow::Continue(())
+        },
+    );
+    ended.map_err(|e: SimError| Failure::new(Exit::Numbers, "simulate", e.to_string()))?;
+    Ok(out)
+}
+
+/// The mean turn of every vertex's bones, frame after frame.
+fn turns(set: &Set, model: &Model) -> Result<Vec<Vec<DMat3>>, Failure> {
+    let find = |name: &String| set.avatar.bone(name);
+    let rig: Result<Vec<usize>, _> = model.bones.iter().map(find).collect();
+    let rig = rig.map_err(|e| crate::figure::body_failure(&e))?;
+    let one = |pose| {
+        let bones = set.avatar.bones(&set.figure, pose);
+        let turn = |v: usize| mean_turn(&model.skin, v, |b| bones[rig[b]].matrix3);
+        (0..model.n_verts()).map(turn).collect()
+    };
+    Ok(set.moving.motion.poses[set.moving.lead..]
+        .iter()
+        .map(one)
+        .collect())
+}
+
+fn mean_turn(skin: &Skin, v: usize, bone: impl Fn(usize) -> DMat3) -> DMat3 {
+    let all = skin.row(v).map(|(b, w)| bone(b) * f64::from(w));
+    all.fold(DMat3::ZERO, |a, m| a + m)
+}
+
+/// Of every vertex and frame, what it does beyond `still`, in its own frame, less the mean over time.
+fn beyond(x: &[Vec<DVec3>], still: &[Vec<DVec3>], turns: &[Vec<DMat3>]) -> Vec<Vec<DVec3>> {
+    let frames = x.len().min(still.len());
+    let mut out: Vec<Vec<DVec3>> = (0..frames)
+        .map(|k| {
+            let each = x[k].iter().zip(&still[k]).zip(&turns[k]);
+            each.map(|((x, y), turn)| turn.transpose() * (*x - *y))
+                .collect()
+        })
+        .collect();
+    for v in 0..out.first().map_or(0, Vec::len) {
+        let mean = out.iter().map(|f| f[v]).sum::<DVec3>() / frames as f64;
+        out.iter_mut().for_each(|f| f[v] -= mean);
+    }
+    out
+}
+
+fn dot(a: &[Vec<DVec3>], b: &[Vec<DVec3>]) -> f64 {
+    let pairs = a.iter().flatten().zip(b.iter().flatten());
+    pairs.map(|(a, b)| a.dot(*b)).sum()
+}
+
+/// Root mean square [m].
+fn content(x: &[Vec<DVec3>]) -> f64 {
+    (dot(x, x) / x.iter().map(Vec::len).sum::<usize>().max(1) as f64).sqrt()
+}
+
+/// Cosine of the angle between two motions: 1 where one is a multiple of the other.
+fn alike(a: &[Vec<DVec3>], b: &[Vec<DVec3>]) -> f64 {
+    dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_never_changes_and_what_turns_with_the_bones_is_no_swing() {
+        let turn = |k: usize| DMat3::from_rotation_y(0.3 * k as f64);
+        let turns: Vec<Vec<DMat3>> = (0..8).map(|k| vec![turn(k)]).collect();
+        let still: Vec<Vec<DVec3>> = (0..8).map(|k| vec![turn(k) * DVec3::X]).collect();
+        let off = |k: usize, swing: f64| {
+            let own = DVec3::new(
+                1.1,
+                0.0,
+                swing * if k.is_multiple_of(2) { 1.0 } else { -1.0 },
+            );
+            vec![turn(k) * own]
+        };
+        let film = |swing: f64| (0..8).map(|k| off(k, swing)).collect::<Vec<_>>();
+        let [none, some, more] = [0.0, 0.02, 0.05].map(|s| beyond(&film(s), &still, &turns));
+        assert!(content(&none) < 1e-12);
+        assert!((content(&some) - 0.02).abs() < 1e-12);
+        assert!((alike(&some, &more) - 1.0).abs() < 1e-12);
+    }
+}
