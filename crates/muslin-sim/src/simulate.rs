@@ -119,7 +119,7 @@ impl<'a> Run<'a> {
         let mut stage = Stage::new(weave, start, skin, cloth, options);
         let dents = Dents::new(walk, stage.worn_on(), options.room(cloth));
         let frame = resume.map_or(0, |s| s.frame);
-        stage.watch_thin(&(walk.at)(frame).cores);
+        stage.watch_thin(&(walk.at)(0).cores);
         let mut run = Run {
             stage,
             walk,
