@@ -40,7 +40,7 @@ struct Point {
     /// Around the body at rest [m].
     rest: Vec3A,
     mass: f32,
-    /// Where its bones start in `skin`, and their end.
+    /// Bones that it follows, and how strongly.
     bones: Vec<(u8, f32)>,
 }
 

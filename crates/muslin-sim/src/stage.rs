@@ -44,8 +44,9 @@ pub(crate) struct Stage<'a> {
     before: Vec<DVec3>,
     /// The start of the last step of moving cloth, if nothing happened since that it does not tell.
     past: Option<Past>,
-    /// How strongly skin pushed each vertex when the last step of moving cloth ended [N]. Where a step begins
-    /// the body has moved on, and skin that meets cloth would seem to press it thousands of times its weight.
+    /// How strongly skin pushed each vertex when the last step of moving cloth ended [N], which is what friction
+    /// goes by. Where a step begins the body has moved on, and skin that meets cloth would seem to press it
+    /// thousands of times its weight; that is all there is to go by where no step is known.
     pressed: Option<Vec<f64>>,
     /// Vertices of faces that passed through cloth.
     tangled: Vec<bool>,
