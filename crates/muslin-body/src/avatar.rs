@@ -1,9 +1,11 @@
 //! The avatar: everything a body is made from, before anybody is chosen.
 
+use crate::pose::blended;
 use crate::stature::Stature;
-use crate::{Blend, BodyError, Rig, Sparse, decode, groups, names};
-use glam::DVec3;
+use crate::{Blend, BodyError, Figure, Pose, Rig, Shape, Sparse, decode, groups, names};
+use glam::{DAffine3, DVec3};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// The parts of the base mesh, in vertex order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,6 +87,21 @@ pub struct Avatar {
     tights_faces: Vec<[u32; 3]>,
     skirt_faces: Vec<[u32; 3]>,
     pub(crate) stature: Stature,
+    /// How its skin is bound, if not at rest.
+    pub(crate) bound: Option<Arc<Bound>>,
+    /// Where garments are cut, if not on the default shape.
+    pub(crate) standard: Option<Arc<Figure>>,
+}
+
+/// A skin that was bound to its bones in another stance than the rest pose.
+#[derive(Clone, Debug)]
+pub(crate) struct Bound {
+    /// All vertices in that stance [m].
+    pub verts: Vec<DVec3>,
+    /// `rest_from_bound` of every bone.
+    pub unbind: Vec<DAffine3>,
+    /// The stance in which it is dressed.
+    pub dressing: Pose,
 }
 
 /// A mesh whose vertices have one place each in the picture of the skin.
@@ -119,6 +136,8 @@ impl Avatar {
             tights_faces: split.triangles(groups::quads_of(&parts, Part::Tights)),
             skirt_faces: split.triangles(groups::quads_of(&parts, Part::Skirt)),
             stature: Stature::new(&parts),
+            bound: None,
+            standard: None,
             body_faces,
             body_face_uvs,
             parts,
@@ -128,6 +147,48 @@ impl Avatar {
     /// How many vertices all parts have together.
     pub fn n_verts(&self) -> usize {
         self.parts.counts.total()
+    }
+
+    /// The figure that garments are cut on before they are put on others: the default shape. For a body
+    /// in the likeness of a character it is that of the body it was made from.
+    pub fn standard(&self) -> Result<Figure, BodyError> {
+        match &self.standard {
+            Some(figure) => Ok(Figure::clone(figure)),
+            None => self.figure(&Shape::default()),
+        }
+    }
+
+    /// How a figure stands when it is dressed, and the same figure so: at rest, or, in the likeness of a
+    /// character, with its arms as far out as they must be to be clear of its trunk.
+    pub fn dressing(&self, figure: &Figure) -> (Pose, Figure) {
+        let Some(bound) = &self.bound else {
+            return (Pose::rest(self), figure.clone());
+        };
+        let posed = self.pose(figure, &bound.dressing);
+        let moved = |points: &[DVec3]| {
+            let pairs = points.iter().zip(&posed.bones);
+            pairs.map(|(p, b)| b.transform_point3(*p)).collect()
+        };
+        let stood = Figure {
+            joints: moved(&figure.joints),
+            tails: moved(&figure.tails),
+            verts: posed.verts,
+        };
+        (bound.dressing.clone(), stood)
+    }
+
+    /// Where points that follow bones by `weights` are at rest [m], from where they are when the figure
+    /// is dressed ([`Avatar::dressing`]).
+    pub fn at_rest(&self, figure: &Figure, (weights, dressed): (&Sparse, &[DVec3])) -> Vec<DVec3> {
+        let Some(bound) = &self.bound else {
+            return dressed.to_vec();
+        };
+        let bones = self.bones(figure, &bound.dressing);
+        let pairs = dressed.iter().zip(weights.rows());
+        let back = |(p, row): (&DVec3, &[(u32, f64)])| {
+            blended(row, &bones).inverse().transform_point3(*p)
+        };
+        pairs.map(back).collect()
     }
 
     /// The vertices of one part.

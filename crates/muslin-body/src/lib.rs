@@ -18,6 +18,7 @@
 mod asset;
 mod avatar;
 mod blend;
+mod character;
 mod cores;
 mod cover;
 mod error;
@@ -39,10 +40,12 @@ mod solve;
 mod sparse;
 mod stances;
 mod stature;
+mod twin;
 
 pub use asset::{decode, encode};
 pub use avatar::{Avatar, AvatarParts, Part, PartCounts, Target, Unwelded};
 pub use blend::{Blend, TAGS};
+pub use character::Character;
 pub use cores::Cores;
 pub use error::BodyError;
 pub use export::ExportRig;
@@ -55,3 +58,4 @@ pub use rig::{Bone, Rig};
 pub use room::Limbs;
 pub use shape::{PHENOTYPES, Shape};
 pub use sparse::Sparse;
+pub use twin::Twin;

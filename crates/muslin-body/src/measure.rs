@@ -140,10 +140,14 @@ impl Avatar {
 
     /// The lowest skin between the legs [m above the origin].
     fn crotch(&self, figure: &Figure) -> f64 {
-        let body = self.part(Part::Body);
-        let middle = |v: &&DVec3| v.x.abs() < 0.004;
-        let ys = figure.verts[body].iter().filter(middle).map(|v| v.y);
-        ys.fold(f64::MAX, f64::min)
+        let skin = &figure.verts[self.part(Part::Body)];
+        let lowest = |far: f64| {
+            let middle = skin.iter().filter(|v| v.x.abs() < far);
+            middle.map(|v| v.y).reduce(f64::min)
+        };
+        // Not every skin is symmetric; wider than this there are legs.
+        let wider = [0.004, 0.008, 0.016].into_iter().find_map(lowest);
+        wider.unwrap_or_default()
     }
 
     /// Shoulder joint, elbow, wrist: the mean of both sides.

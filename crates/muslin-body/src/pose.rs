@@ -67,7 +67,14 @@ impl Avatar {
     /// Rotations that the pose lacks are taken as the identity.
     pub fn pose(&self, figure: &Figure, pose: &Pose) -> Posed {
         let bones = world_from_rest(self.rig(), figure, pose);
-        let verts = skin(&figure.verts, self.rig(), &bones);
+        let verts = match &self.bound {
+            None => skin(&figure.verts, self.rig(), &bones),
+            Some(bound) => {
+                let pairs = bones.iter().zip(&bound.unbind);
+                let whole: Vec<DAffine3> = pairs.map(|(b, u)| *b * *u).collect();
+                skin(&bound.verts, self.rig(), &whole)
+            }
+        };
         Posed { verts, bones }
     }
 }
@@ -95,6 +102,19 @@ pub(crate) fn world_from_rest(rig: &Rig, figure: &Figure, pose: &Pose) -> Vec<DA
     }
     let back = |(b, w): (usize, DAffine3)| w * DAffine3::from_translation(-figure.joints[b]);
     world.into_iter().enumerate().map(back).collect()
+}
+
+/// `Σ w_b A_b`.
+pub(crate) fn blended(row: &[(u32, f64)], bones: &[DAffine3]) -> DAffine3 {
+    let mut sum = DAffine3 {
+        matrix3: DMat3::ZERO,
+        translation: DVec3::ZERO,
+    };
+    for &(b, w) in row {
+        sum.matrix3 += bones[b as usize].matrix3 * w;
+        sum.translation += bones[b as usize].translation * w;
+    }
+    sum
 }
 
 /// Linear blend skinning: `x' = (Σ w_b A_b) x`.

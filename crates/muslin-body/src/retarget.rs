@@ -9,7 +9,9 @@ mod limb;
 
 use crate::{Avatar, BodyError, Figure, Motion, Pose};
 use glam::{DMat3, DQuat, DVec3};
-use limb::{Limb, Memory, TOES, turn_limb};
+use limb::{Limb, TOES, turn_limb};
+
+pub(crate) use limb::Memory;
 
 /// A tree of named joints. Parents come before their children.
 #[derive(Debug, Clone, Default)]
@@ -57,7 +59,9 @@ pub fn retarget(
 ) -> Result<Pose, BodyError> {
     let actor = Actor::new(recording)?;
     let target = Target::new(avatar, figure)?;
-    Ok(target.pose(&actor, &actor.stance(frame), &mut [Memory::default(); 4]))
+    let stance = actor.stance(frame);
+    let hips = target.hips(&actor, &stance);
+    Ok(target.pose(&stance, hips, &mut [Memory::default(); 4]))
 }
 
 /// Our body in all stances of `recording`; see [`retarget`].
@@ -75,7 +79,7 @@ pub fn retarget_all(
     let mut limbs = [Memory::at(recording.fps); 4];
     let poses = (0..recording.frames.len()).map(|f| {
         let stance = actor.stance(f);
-        target.pose(&actor, &stance, &mut limbs)
+        target.pose(&stance, target.hips(&actor, &stance), &mut limbs)
     });
     Ok(Motion {
         fps: recording.fps,
@@ -85,17 +89,17 @@ pub fn retarget_all(
 
 /// Where the parts of a body are. Sides: left, right.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Stance {
-    leg: [[DVec3; 3]; 2],
-    toe: [Option<DVec3>; 2],
-    arm: [[DVec3; 3]; 2],
-    hand: [Option<DVec3>; 2],
-    neck: Option<DVec3>,
-    head: Option<DVec3>,
+pub(crate) struct Stance {
+    pub leg: [[DVec3; 3]; 2],
+    pub toe: [Option<DVec3>; 2],
+    pub arm: [[DVec3; 3]; 2],
+    pub hand: [Option<DVec3>; 2],
+    pub neck: Option<DVec3>,
+    pub head: Option<DVec3>,
 }
 
 impl Stance {
-    fn map(&self, f: impl Fn(DVec3) -> DVec3) -> Stance {
+    pub fn map(&self, f: impl Fn(DVec3) -> DVec3) -> Stance {
         Stance {
             leg: self.leg.map(|l| l.map(&f)),
             toe: self.toe.map(|t| t.map(&f)),
@@ -106,7 +110,7 @@ impl Stance {
         }
     }
 
-    fn hips(&self) -> DVec3 {
+    pub fn hips(&self) -> DVec3 {
         0.5 * (self.leg[0][0] + self.leg[1][0])
     }
 
@@ -209,19 +213,19 @@ fn stands_along_z(skeleton: &Skeleton, roles: &Roles) -> bool {
 
 /// A joint's head, or the end of its bone.
 #[derive(Debug, Clone, Copy)]
-enum Spot {
+pub(crate) enum Spot {
     Head(usize),
     End(usize),
 }
 
 /// Which joint plays which part.
-struct Roles {
-    leg: [[usize; 3]; 2],
-    toe: [Option<Spot>; 2],
-    arm: [[Spot; 3]; 2],
-    hand: [Option<Spot>; 2],
-    neck: Option<usize>,
-    head: Option<Spot>,
+pub(crate) struct Roles {
+    pub leg: [[usize; 3]; 2],
+    pub toe: [Option<Spot>; 2],
+    pub arm: [[Spot; 3]; 2],
+    pub hand: [Option<Spot>; 2],
+    pub neck: Option<usize>,
+    pub head: Option<Spot>,
 }
 
 /// Names of a part, the surest first: a `shoulder` is a collar bone beside an `arm`.
@@ -243,7 +247,7 @@ const NECK: &[&str] = &["neck01", "neck"];
 const HEAD: &[&str] = &["head", "face"];
 
 impl Roles {
-    fn find(skeleton: &Skeleton) -> Result<Roles, BodyError> {
+    pub fn find(skeleton: &Skeleton) -> Result<Roles, BodyError> {
         let names: Vec<(Option<usize>, String)> = skeleton.names.iter().map(|n| part(n)).collect();
         let find = |side: Option<usize>, wanted: &[&str]| {
             let named = |want: &&str| names.iter().position(|(s, n)| *s == side && n == want);
@@ -282,7 +286,7 @@ impl Roles {
         })
     }
 
-    fn stance(&self, points: &[[DVec3; 2]]) -> Stance {
+    pub fn stance(&self, points: &[[DVec3; 2]]) -> Stance {
         let at = |spot: Spot| match spot {
             Spot::Head(j) => points[j][0],
             Spot::End(j) => points[j][1],
@@ -320,7 +324,15 @@ fn unknown(skeleton: &Skeleton, side: usize, wanted: &[&str]) -> BodyError {
 /// Side (0 left, 1 right) and bare name of a joint: `Neo_LeftUpLeg` is (left, `upleg`).
 fn part(name: &str) -> (Option<usize>, String) {
     let name = name.rsplit(':').next().unwrap_or(name);
-    let name = ["Neo_", "joint_", "mixamorig_"]
+    let name = [
+        "Neo_",
+        "joint_",
+        "mixamorig_",
+        "mixamorig",
+        "J_Bip_C_",
+        "J_Bip_",
+        "DEF-",
+    ]
         .iter()
         .fold(name, |n, p| n.strip_prefix(p).unwrap_or(n));
     let (side, rest) = side(name);
@@ -337,7 +349,7 @@ fn side(name: &str) -> (Option<usize>, &str) {
             return (Some(s), rest);
         }
     }
-    for (s, starts) in [(0, ["Left", "left"]), (1, ["Right", "right"])] {
+    for (s, starts) in [(0, ["Left", "left", "L_"]), (1, ["Right", "right", "R_"])] {
         if let Some(rest) = starts.iter().find_map(|p| name.strip_prefix(p)) {
             return (Some(s), rest);
         }
@@ -352,9 +364,9 @@ fn side(name: &str) -> (Option<usize>, &str) {
 }
 
 /// Our figure, ready to follow.
-struct Target<'a> {
+pub(crate) struct Target<'a> {
     avatar: &'a Avatar,
-    rest: Stance,
+    pub rest: Stance,
     root: DVec3,
     bones: Bones,
 }
@@ -403,7 +415,7 @@ impl Bones {
 }
 
 impl<'a> Target<'a> {
-    fn new(avatar: &'a Avatar, figure: &Figure) -> Result<Self, BodyError> {
+    pub fn new(avatar: &'a Avatar, figure: &Figure) -> Result<Self, BodyError> {
         let bones = Bones::find(avatar)?;
         let head = |b: usize| figure.joints[b];
         let named = |name: &str, side: &str| avatar.rig().bone(&format!("{name}.{side}")).map(head);
@@ -425,7 +437,8 @@ impl<'a> Target<'a> {
         })
     }
 
-    fn pose(&self, actor: &Actor, stance: &Stance, limbs: &mut [Memory; 4]) -> Pose {
+    /// The stance with our hips at a place [m].
+    pub(crate) fn pose(&self, stance: &Stance, hips: DVec3, limbs: &mut [Memory; 4]) -> Pose {
         let mut pose = Pose::rest(self.avatar);
         let [pelvis, chest] = std::array::from_fn(|k| {
             DQuat::from_mat3(&(stance.trunk()[k] * self.rest.trunk()[k].transpose()))
@@ -448,7 +461,7 @@ impl<'a> Target<'a> {
                 (leg, &mut limbs[2 + side]),
             );
         }
-        pose.root = self.hips(actor, stance) - self.root - pelvis * (self.rest.hips() - self.root);
+        pose.root = hips - self.root - pelvis * (self.rest.hips() - self.root);
         pose
     }
 

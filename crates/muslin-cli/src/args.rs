@@ -1,6 +1,6 @@
 //! The words of the command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use muslin::{
@@ -147,10 +147,11 @@ Examples:
 What is done is kept in OUT.part; after Ctrl-C or a crash the same command with --resume goes on
 from there, to the same bits. OUT.report.json says how good the result is.")]
 pub struct Simulate {
-    /// The body.
-    #[arg(long, value_enum, default_value_t = BodyName::Anny)]
-    pub body: BodyName,
-    /// A built-in motion (see `muslin list motions`), a file (BVH, or NPZ with poses), or a folder
+    /// Who wears it: our own body, or a rigged character, a .glb, .gltf or .vrm with a skeleton and a skin.
+    #[arg(long, value_name = "anny|FILE", default_value = OWN)]
+    pub body: PathBuf,
+    /// A built-in motion (see `muslin list motions`), an animation of the character's file by name, a
+    /// file (BVH, or NPZ with poses), or a folder
     /// of these; may be given several times.
     #[arg(long, default_value = "walk", value_name = "NAME|FILE|DIR")]
     pub motion: Vec<String>,
@@ -206,10 +207,12 @@ pub struct Train {
     /// constants; --codes, --width and --fabric are then not for the training.
     #[arg(value_enum)]
     pub system: Option<SystemName>,
-    /// The body.
-    #[arg(long, value_enum, default_value_t = BodyName::Anny)]
-    pub body: BodyName,
-    /// A built-in motion, a file (BVH, or NPZ with poses), or a folder of these, to learn from; may
+    /// Who is learnt from: our own body, or a rigged character, a .glb, .gltf or .vrm with a skeleton and
+    /// a skin.
+    #[arg(long, value_name = "anny|FILE", default_value = OWN)]
+    pub body: PathBuf,
+    /// A built-in motion, an animation of the character's file by name, a file (BVH, or NPZ with poses),
+    /// or a folder of these, to learn from; may
     /// be given several times [default: all built-in motions].
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub motion: Vec<String>,
@@ -276,6 +279,10 @@ pub struct Animate {
     /// A model of your own, as `muslin train` wrote it.
     #[arg(long, value_name = "FILE.muslin")]
     pub model: Option<PathBuf>,
+    /// Who wears it: our own body, or a rigged character (.glb, .gltf, .vrm), as a rule the one that the
+    /// model was taught on.
+    #[arg(long, value_name = "anny|FILE", default_value = OWN)]
+    pub body: PathBuf,
     /// Another fabric than it was taught in (see `muslin list fabrics`), or a file of your own: the
     /// solver's iterations turn its folds into that fabric's.
     #[arg(long)]
@@ -343,11 +350,12 @@ pub enum SystemName {
     Ncs,
 }
 
-/// Bodies that can be simulated on.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum BodyName {
-    /// The embedded body.
-    Anny,
+/// The name of the embedded body.
+const OWN: &str = "anny";
+
+/// The character's file, if it is not the embedded body.
+fn character(body: &Path) -> Option<PathBuf> {
+    (body.as_os_str() != OWN).then(|| body.to_owned())
 }
 
 /// Options of `evaluate`.
@@ -470,9 +478,12 @@ impl Common {
 impl Simulate {
     /// The same in the library's words.
     pub fn options(&self) -> SimulateOptions {
-        let BodyName::Anny = self.body;
+        let dress = self.wearing.options(SimulateOptions::default().dress);
         SimulateOptions {
-            dress: self.wearing.options(SimulateOptions::default().dress),
+            dress: DressOptions {
+                body: character(&self.body),
+                ..dress
+            },
             motion: self.motion[0].clone(),
             fps: self.fps,
             seconds: self.seconds,
@@ -489,11 +500,13 @@ impl Simulate {
 impl Train {
     /// The same in the library's words.
     pub fn options(&self) -> TrainOptions {
-        let BodyName::Anny = self.body;
         let usual = TrainOptions::default();
         TrainOptions {
             system: self.system.map(System::from),
-            dress: self.wearing.options(usual.dress),
+            dress: DressOptions {
+                body: character(&self.body),
+                ..self.wearing.options(usual.dress)
+            },
             motion: match self.motion.is_empty() {
                 true => usual.motion,
                 false => self.motion.clone(),
@@ -520,6 +533,7 @@ impl Animate {
         worn.fabric = worn.fabric.or_else(|| self.fabric.clone());
         let dress = DressOptions {
             outfit: vec![worn],
+            body: character(&self.body),
             height: self.height.map(|cm| cm / 100.0),
             weight: self.weight,
             gender: self.gender,

@@ -9,7 +9,7 @@ use crate::settle::{Net, Track};
 use crate::sheet::{Row, Sheet, blend};
 use crate::stand::{BodyMap, Stand};
 use glam::{DVec2, DVec3};
-use muslin_body::{Avatar, Figure, Shape, Sparse};
+use muslin_body::{Avatar, Figure, Sparse};
 use muslin_geom::Surface;
 
 /// Something to wear. Topology, pattern and binding are the same on every body.
@@ -72,7 +72,7 @@ impl Garment {
     /// Makes a garment, on the avatar's default body.
     pub fn make(avatar: &Avatar, recipe: &Recipe) -> Result<Garment, GarmentError> {
         recipe.check()?;
-        let base = avatar.figure(&Shape::default())?;
+        let base = avatar.standard()?;
         let map = BodyMap::new(avatar, &base)?;
         let stand = Stand::new(&map, &base);
         let (sheet, x) = mesh(recipe, &stand)?;
@@ -127,7 +127,7 @@ impl Garment {
         figure: &Figure,
         under: &[(&Garment, &Worn)],
     ) -> Result<Worn, GarmentError> {
-        let base = avatar.figure(&Shape::default())?;
+        let base = avatar.standard()?;
         let map = BodyMap::new(avatar, &base)?;
         Ok(self.put_on(&Stand::new(&map, figure), under, None))
     }

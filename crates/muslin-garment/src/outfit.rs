@@ -2,7 +2,7 @@
 
 use crate::stand::{BodyMap, Stand};
 use crate::{Garment, GarmentError, Opening, Worn};
-use muslin_body::{Avatar, Figure, Shape};
+use muslin_body::{Avatar, Figure};
 
 /// What somebody wears, from the skin outward.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,7 +16,7 @@ impl Outfit {
     ///
     /// A shirt under trousers is tucked in. The result has one entry per garment, in order.
     pub fn worn(&self, avatar: &Avatar, figure: &Figure) -> Result<Vec<Worn>, GarmentError> {
-        let base = avatar.figure(&Shape::default())?;
+        let base = avatar.standard()?;
         let map = BodyMap::new(avatar, &base)?;
         let stand = Stand::new(&map, figure);
         let mut done: Vec<Worn> = Vec::with_capacity(self.garments.len());

@@ -81,7 +81,10 @@ impl BodyMap {
             let low = all.min_by(|&i, &j| base.verts[i].y.total_cmp(&base.verts[j].y));
             low.map(|i| i as u32).ok_or(GarmentError::NoTights)
         };
-        let crotch = lowest(&|i| base.verts[i].x.abs() < 0.002)?;
+        // Not every body is symmetric, and none has a crotch far from its middle.
+        let between = |far: &f64| lowest(&|i| base.verts[i].x.abs() < *far).ok();
+        let crotch = [0.002, 0.004, 0.008, 0.016].iter().find_map(between);
+        let crotch = crotch.ok_or(GarmentError::NoTights)?;
         let pit = |s: usize| lowest(&|i| (0.25..0.75).contains(&arm[s][i]));
         let armpit = [pit(0)?, pit(1)?];
         let y = |i: u32| base.verts[i as usize].y;

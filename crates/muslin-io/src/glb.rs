@@ -6,8 +6,10 @@
 
 mod bin;
 mod buffer;
+mod character;
 mod json;
 mod moving;
+mod pack;
 mod play;
 mod tangent;
 mod turn;
@@ -19,6 +21,7 @@ use crate::error::IoError;
 use crate::scene::{Node, Scene};
 use bin::{Bin, Grid};
 
+pub use character::{CharacterFile, read_character};
 pub use moving::{Moved, Skinned, moving_glb};
 pub use play::read_moving;
 

@@ -32,7 +32,9 @@ mod tflite;
 pub use clip::{Clip, read_clip, read_pc2, write_pc2};
 pub use error::{Fault, IoError, Place, name, quote};
 pub use fabric_file::{FabricFile, parse_fabric, read_fabric};
-pub use glb::{GlbOptions, Moved, Skinned, glb, moving_glb, stored_positions};
+pub use glb::{
+    CharacterFile, GlbOptions, Moved, Skinned, glb, moving_glb, read_character, stored_positions,
+};
 pub use input::{Input, files_in, read_file};
 pub use journal::Journal;
 pub use obj::obj;

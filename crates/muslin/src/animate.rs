@@ -5,6 +5,7 @@ mod options;
 
 use std::path::Path;
 
+use glam::DVec3;
 use muslin_body::Avatar;
 use muslin_geom::{Report, Value};
 use muslin_io::{read_file, read_weights};
@@ -13,6 +14,7 @@ use muslin_model::{Model, ModelError};
 use crate::dress::{asked_figure, file_failure};
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
+use crate::hero::{Hero, body_note};
 use crate::options::{DressOptions, Wear};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
@@ -52,15 +54,19 @@ pub fn animate(
     watch: &mut Watch,
 ) -> Result<Outcome, Failure> {
     options.check(out)?;
-    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let hero = Hero::load(&options.simulate.dress)?;
+    let own = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let avatar = hero.as_ref().map_or(own, |h| h.twin.avatar.clone());
     let model = match &options.model {
         Some(path) => read_model(path)?,
         None => wardrobe::model(&options.simulate.dress.outfit[0].garment)?,
     };
     knows(&model, options)?;
     let simulate = as_trained(&model, &options.simulate)?;
+    wants_character(&model, hero.as_ref())?;
     let folders = Folders::open(out, &simulate)?;
     let mut stage = Theatre {
+        hero: hero.as_ref(),
         options,
         watch,
         report: Report::default(),
@@ -69,7 +75,9 @@ pub fn animate(
     };
     let set = stage.set(&avatar, &model, &simulate)?;
     let stranger = stage.strangers(&model, &simulate.dress)?;
-    let model = stage.swinging(wardrobe::fitted(model, &set.start), &set, stranger)?;
+    let weights = wardrobe::weights(&model, &avatar)?;
+    let template = avatar.at_rest(&set.figure, (&weights, &set.start));
+    let model = stage.swinging(wardrobe::fitted(model, &template), (&set, &template), stranger)?;
     stage.perform((&set, &model), &simulate, (out, folders))
 }
 
@@ -97,6 +105,18 @@ fn knows(model: &Model, options: &AnimateOptions) -> Result<(), Failure> {
     Err(Failure::new(Exit::Usage, "no-motion-level", what)
         .at("--motion-level")
         .hint("our own models and those of `muslin train ncs` have one"))
+}
+
+/// Refuses a model that was taught on a character without that character.
+fn wants_character(model: &Model, hero: Option<&Hero>) -> Result<(), Failure> {
+    let taught = model.notes.get("body").map_or("anny", String::as_str);
+    if hero.is_some() || taught == "anny" {
+        return Ok(());
+    }
+    let what = format!("the model was taught on a character ({taught})");
+    Err(Failure::new(Exit::Usage, "no-character", what)
+        .at("--body")
+        .hint("name the character's file with --body"))
 }
 
 /// What to say where a model that knows motion is played at another rate than it was taught.
@@ -157,6 +177,7 @@ fn number(model: &Model, name: &str) -> Result<Option<f64>, Failure> {
 }
 
 struct Theatre<'a, 'w> {
+    hero: Option<&'a Hero>,
     options: &'a AnimateOptions,
     watch: &'a mut Watch<'w>,
     report: Report,
@@ -164,7 +185,7 @@ struct Theatre<'a, 'w> {
     warnings: Vec<String>,
 }
 
-impl Theatre<'_, '_> {
+impl<'a> Theatre<'a, '_> {
     fn done(&mut self, number: usize, name: &'static str, result: String) -> Result<(), Failure> {
         let seconds = self.watch.done((number, STAGES), name, result)?;
         self.times.set(name, round(seconds));
@@ -179,16 +200,23 @@ impl Theatre<'_, '_> {
     }
 
     /// Body, motion and garment, as the model knows them.
-    fn set<'a>(
+    fn set<'s>(
         &mut self,
-        avatar: &'a Avatar,
+        avatar: &'s Avatar,
         model: &Model,
         simulate: &SimulateOptions,
-    ) -> Result<Set<'a>, Failure> {
-        let (figure, report, told) = asked_figure(avatar, &simulate.dress)?;
+    ) -> Result<Set<'s>, Failure>
+    where
+        'a: 's,
+    {
+        let (figure, mut report, told) = asked_figure(avatar, &simulate.dress)?;
+        if let Some(hero) = self.hero {
+            hero.report(&mut report);
+            self.warn(hero.warnings());
+        }
         self.report.set("body", report);
         self.done(1, "body", told)?;
-        let mut moving = motion::load(avatar, &figure, simulate)?;
+        let mut moving = motion::load((avatar, self.hero), &figure, simulate)?;
         self.warn(std::mem::take(&mut moving.warnings));
         self.report.set("motion", moving.report());
         let told = format!(
@@ -200,11 +228,13 @@ impl Theatre<'_, '_> {
         self.done(2, "motion", told)?;
         self.warn(other_rate(model, simulate.fps));
         let mut warnings = Vec::new();
-        let outfit = Outfit::make(avatar, &simulate.dress, |w| warnings.push(w.to_owned()))?;
+        let tailor = self.hero.map_or(avatar, |h| &h.base);
+        let outfit = Outfit::make(tailor, &simulate.dress, |w| warnings.push(w.to_owned()))?;
         self.warn(warnings);
         self.report.set("outfit", tell::outfit(&outfit));
         let told = tell::pieces(&outfit);
-        let set = Set::new(avatar, figure, moving, outfit)?;
+        let mut set = Set::new(avatar, figure, moving, outfit)?;
+        set.hero = self.hero;
         fits(model, &set)?;
         self.done(3, "garment", told)?;
         Ok(set)
@@ -222,6 +252,9 @@ impl Theatre<'_, '_> {
                 others = vec!["body"];
             }
         }
+        if model.notes.get("body").is_some_and(|b| *b != body_note(self.hero)) {
+            others = vec!["body"];
+        }
         if model.notes.get("fabric") != dress.outfit[0].fabric.as_ref() {
             others.push("fabric");
         }
@@ -238,7 +271,12 @@ impl Theatre<'_, '_> {
 
     /// The model with the swings of the garment as it is worn: its own, or those of another body or
     /// fabric. The published systems know motion in their own ways, or not at all.
-    fn swinging(&mut self, model: Model, set: &Set, stranger: bool) -> Result<Model, Failure> {
+    fn swinging(
+        &mut self,
+        model: Model,
+        (set, template): (&Set, &[DVec3]),
+        stranger: bool,
+    ) -> Result<Model, Failure> {
         let wanted = self.options.motion_level != Some(0.0);
         if !swings::are_ours(&model) || !wanted || (model.sway.is_some() && !stranger) {
             return Ok(model);
@@ -246,7 +284,7 @@ impl Theatre<'_, '_> {
         self.watch.progress("how it swings");
         let body = (set.avatar, &set.figure);
         Ok(Model {
-            sway: swings::swings(body, (&set.cloth, &set.start))?,
+            sway: swings::swings(body, (&set.cloth, template))?,
             ..model
         })
     }

@@ -91,6 +91,9 @@ pub fn dress_pose(
 
 /// The average body with what the options say of it.
 pub(crate) fn asked_shape(avatar: &Avatar, options: &DressOptions) -> Result<Shape, Failure> {
+    if options.body.is_some() {
+        return Ok(Shape::default());
+    }
     let shape = expected(options)?;
     let shape = match (options.height, options.weight) {
         (Some(m), Some(kg)) => shape.with_height_and_mass(avatar, m, kg),

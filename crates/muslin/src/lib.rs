@@ -14,6 +14,7 @@ mod evaluate;
 mod fabric;
 mod failure;
 mod figure;
+mod hero;
 mod files;
 pub mod list;
 mod look;

@@ -118,6 +118,11 @@ fn body(avatar: &Avatar, verts: &[DVec3]) -> Shown {
     }
 }
 
+/// Somebody else's body, plain.
+pub fn mannequin(verts: Vec<DVec3>, faces: &[[u32; 3]]) -> Shown {
+    Shown::new(verts, faces.to_vec(), Material::mannequin())
+}
+
 /// The lowest of points [m].
 pub fn lowest(verts: &[DVec3]) -> f64 {
     verts.iter().map(|v| v.y).fold(f64::INFINITY, f64::min)

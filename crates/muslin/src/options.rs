@@ -1,5 +1,7 @@
 //! What may be asked of `dress`.
 
+use std::path::PathBuf;
+
 use muslin_garment::Cut;
 
 use crate::failure::{Exit, Failure};
@@ -57,6 +59,8 @@ pub enum Backdrop {
 pub struct DressOptions {
     /// What to wear, innermost first.
     pub outfit: Vec<Wear>,
+    /// A rigged character in place of our own body: `.glb`, `.gltf` or `.vrm`.
+    pub body: Option<PathBuf>,
     /// Standing height [m]; exact when given.
     pub height: Option<f64>,
     /// Body weight [kg].
@@ -83,6 +87,7 @@ impl Default for DressOptions {
     fn default() -> Self {
         Self {
             outfit: vec![Wear::parse("trousers"), Wear::parse("tee")],
+            body: None,
             height: None,
             weight: None,
             gender: None,
@@ -106,9 +111,23 @@ impl DressOptions {
             self.height.map(|h| h * 100.0),
             (120.0, 230.0),
         )?;
+        if let (Some(_), Some(name)) = (&self.body, self.shaped()) {
+            let what = "a character has a shape of its own";
+            let fault = Failure::new(Exit::Usage, "own-shape", what).at(name);
+            return Err(fault.hint("leave it out; --height sets a character's size"));
+        }
         within("--weight", "kg", self.weight, (30.0, 250.0))?;
         within("--gender", "", self.gender, (0.0, 1.0))?;
         within("--edge", "mm", Some(self.edge * 1000.0), (5.0, 25.0))
+    }
+
+    /// An option that shapes our own body, if given.
+    fn shaped(&self) -> Option<&'static str> {
+        match (self.weight, self.gender) {
+            (Some(_), _) => Some("--weight"),
+            (_, Some(_)) => Some("--gender"),
+            _ => None,
+        }
     }
 }
 

@@ -20,6 +20,7 @@ use muslin_io::Journal;
 use crate::dress::{asked_figure, file_failure};
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
+use crate::hero::Hero;
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
 use crate::table::Table;
@@ -52,7 +53,9 @@ pub fn simulate(
 ) -> Result<Outcome, Failure> {
     options.check(out)?;
     let folders = Folders::open(out, options)?;
-    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let hero = Hero::load(&options.dress)?;
+    let own = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let avatar = hero.as_ref().map_or(own, |h| h.twin.avatar.clone());
     let mut run = Run {
         options,
         watch,
@@ -60,9 +63,9 @@ pub fn simulate(
         times: Report::default(),
         warnings: Vec::new(),
     };
-    let figure = run.body(&avatar)?;
-    let moving = run.motion(&avatar, &figure)?;
-    let set = run.outfit(&avatar, figure, moving)?;
+    let figure = run.body(&avatar, hero.as_ref())?;
+    let moving = run.motion((&avatar, hero.as_ref()), &figure)?;
+    let set = run.outfit((&avatar, hero.as_ref()), figure, moving)?;
     run.film(&set, (out, folders))
 }
 
@@ -86,15 +89,23 @@ impl Run<'_, '_> {
         self.warnings.extend(warnings);
     }
 
-    fn body(&mut self, avatar: &Avatar) -> Result<Figure, Failure> {
-        let (figure, report, told) = asked_figure(avatar, &self.options.dress)?;
+    fn body(&mut self, avatar: &Avatar, hero: Option<&Hero>) -> Result<Figure, Failure> {
+        let (figure, mut report, told) = asked_figure(avatar, &self.options.dress)?;
+        if let Some(hero) = hero {
+            hero.report(&mut report);
+            self.warn(hero.warnings());
+        }
         self.report.set("body", report);
         self.done(1, "body", told)?;
         Ok(figure)
     }
 
-    fn motion(&mut self, avatar: &Avatar, figure: &Figure) -> Result<Moving, Failure> {
-        let mut moving = motion::load(avatar, figure, self.options)?;
+    fn motion(
+        &mut self,
+        (avatar, hero): (&Avatar, Option<&Hero>),
+        figure: &Figure,
+    ) -> Result<Moving, Failure> {
+        let mut moving = motion::load((avatar, hero), figure, self.options)?;
         self.warn(std::mem::take(&mut moving.warnings));
         let (n, fps) = (moving.frames(), moving.motion.fps);
         let seconds = n as f64 / fps;
@@ -112,16 +123,18 @@ impl Run<'_, '_> {
 
     fn outfit<'a>(
         &mut self,
-        avatar: &'a Avatar,
+        (avatar, hero): (&'a Avatar, Option<&'a Hero>),
         figure: Figure,
         moving: Moving,
     ) -> Result<Set<'a>, Failure> {
         let mut warnings = Vec::new();
-        let outfit = Outfit::make(avatar, &self.options.dress, |w| warnings.push(w.to_owned()))?;
+        let tailor = hero.map_or(avatar, |h| &h.base);
+        let outfit = Outfit::make(tailor, &self.options.dress, |w| warnings.push(w.to_owned()))?;
         self.warn(warnings);
         self.report.set("outfit", tell::outfit(&outfit));
         let mut set = Set::new(avatar, figure, moving, outfit)?;
         set.bdf2 = self.options.bdf2;
+        set.hero = hero;
         let memory = set.memory();
         if memory / 5 > MOST_BYTES {
             let what = format!("{} frames are too many for one file", set.moving.frames());

@@ -19,6 +19,7 @@ use muslin_train::{Lesson, Told, Trainer, Training};
 use crate::dress::{asked_figure, asked_shape, file_failure};
 use crate::failure::Failure;
 use crate::figure::body_failure;
+use crate::hero::{Hero, body_note};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
 use crate::simulate::expanded;
@@ -48,8 +49,11 @@ const KEEP_EVERY: f64 = 60.0;
 pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Outcome, Failure> {
     options.check(out)?;
     let options = &options.with_fabric(|w| watch.warn(w));
-    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let hero = Hero::load(&options.dress)?;
+    let own = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let avatar = hero.as_ref().map_or(own, |h| h.twin.avatar.clone());
     let mut school = School {
+        hero: hero.as_ref(),
         options,
         watch,
         report: Report::default(),
@@ -62,6 +66,7 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
 }
 
 struct School<'a, 'w> {
+    hero: Option<&'a Hero>,
     options: &'a TrainOptions,
     watch: &'a mut Watch<'w>,
     report: Report,
@@ -76,7 +81,11 @@ impl School<'_, '_> {
     }
 
     fn body(&mut self, avatar: &Avatar) -> Result<Figure, Failure> {
-        let (figure, report, told) = asked_figure(avatar, &self.options.dress)?;
+        let (figure, mut report, told) = asked_figure(avatar, &self.options.dress)?;
+        if let Some(hero) = self.hero {
+            hero.report(&mut report);
+            hero.warnings().iter().for_each(|w| self.watch.warn(w));
+        }
         self.report.set("body", report);
         self.done(1, "body", told)?;
         Ok(figure)
@@ -94,7 +103,7 @@ impl School<'_, '_> {
         for name in expanded(&self.options.motion)? {
             self.watch.progress(&name);
             self.watch.go_on()?;
-            let (motion, source) = lessons::one(avatar, figure, (&name, rate))?;
+            let (motion, source) = lessons::one((avatar, self.hero), figure, (&name, rate))?;
             motions.push(motion);
             sources.push(source);
         }
@@ -115,7 +124,8 @@ impl School<'_, '_> {
 
     fn garment(&mut self, avatar: &Avatar, figure: &Figure) -> Result<Pupil, Failure> {
         let mut warnings = Vec::new();
-        let outfit = Outfit::make(avatar, &self.options.dress, |w| warnings.push(w.to_owned()))?;
+        let tailor = self.hero.map_or(avatar, |h| &h.base);
+        let outfit = Outfit::make(tailor, &self.options.dress, |w| warnings.push(w.to_owned()))?;
         warnings.iter().for_each(|w| self.watch.warn(w));
         let pupil = Pupil::new((avatar, figure), &outfit, self.options.system)?;
         self.report.set("outfit", tell::outfit(&outfit));
@@ -219,7 +229,7 @@ impl School<'_, '_> {
         let mut all = Vec::new();
         for name in expanded(&self.options.check)? {
             self.watch.progress(&format!("judging {name}"));
-            let (motion, source) = lessons::one(avatar, figure, (&name, rate))?;
+            let (motion, source) = lessons::one((avatar, self.hero), figure, (&name, rate))?;
             let told = trainer.judge(&motion);
             let mut r = energies(&told);
             r.set("motion", source);
@@ -283,7 +293,7 @@ impl School<'_, '_> {
             ("fabric", pupil.fabric.clone()),
             ("cut", format!("{:?}", d.cut).to_lowercase()),
             ("edge", d.edge.to_string()),
-            ("body", "anny".into()),
+            ("body", body_note(self.hero)),
             ("height", asked(d.height)),
             ("weight", asked(d.weight)),
             ("gender", asked(d.gender)),

@@ -1,13 +1,13 @@
 //! The wardrobe: trained garments that come with the program.
 
 use glam::DVec3;
-use muslin_body::{Avatar, names};
+use muslin_body::{Avatar, Sparse, names};
 use muslin_garment::Worn;
 use muslin_model::{Model, Player};
 
 use crate::animate::decode_model;
 use crate::failure::{Exit, Failure};
-use crate::figure::Sitter;
+use crate::figure::{Sitter, body_failure};
 use crate::outfit::{Outfit, Piece};
 use crate::train::topology;
 
@@ -67,6 +67,18 @@ fn taught(piece: &Piece) -> Option<Model> {
     let model = decode_model(name, bytes).ok()?;
     let same = model.notes.get("topology") == Some(&topology(&garment.faces));
     (same && model.n_verts() == garment.n_verts()).then_some(model)
+}
+
+/// How the cloth of a model follows the bones of an avatar.
+pub(crate) fn weights(model: &Model, avatar: &Avatar) -> Result<Sparse, Failure> {
+    let bones = model.bones.iter().map(|name| avatar.bone(name));
+    let bones: Vec<usize> = bones.collect::<Result<_, _>>().map_err(|e| body_failure(&e))?;
+    let mut weights = Sparse::new();
+    for v in 0..model.n_verts() {
+        let row = model.skin.row(v);
+        weights.push(row.map(|(b, w)| (bones[b] as u32, f64::from(w))));
+    }
+    Ok(weights)
 }
 
 /// The model for a garment that lies at `rest` [m] around the body at rest.

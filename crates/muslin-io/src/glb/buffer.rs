@@ -1,5 +1,7 @@
 //! A GLB taken apart: its JSON and the numbers behind its accessors.
 
+use std::borrow::Cow;
+
 use serde_json::Value;
 
 use crate::error::{Fault, IoError, Place};
@@ -8,11 +10,12 @@ use crate::error::{Fault, IoError, Place};
 const MAX_NUMBERS: usize = 1 << 28;
 
 /// JSON and binary of a file.
+#[derive(Clone, Debug)]
 pub struct Glb<'a> {
     name: String,
     /// The whole JSON.
     pub json: Value,
-    bin: &'a [u8],
+    bin: Cow<'a, [u8]>,
 }
 
 /// Numbers of an accessor, `width` to an element.
@@ -26,6 +29,30 @@ pub struct Numbers {
 impl<'a> Glb<'a> {
     /// Takes the container apart (glTF 2.0, section 4).
     pub fn new(name: &str, bytes: &'a [u8]) -> Result<Self, IoError> {
+        let (json, bin) = Self::parts(name, bytes)?;
+        Ok(Self {
+            name: name.into(),
+            json,
+            bin: Cow::Borrowed(bin),
+        })
+    }
+
+    /// The same with bytes of its own.
+    pub fn owned(name: &str, bytes: Vec<u8>) -> Result<Glb<'static>, IoError> {
+        let (json, bin) = Self::parts(name, &bytes)?;
+        Ok(Glb::of(name, json, bin.to_vec()))
+    }
+
+    /// Of JSON over one buffer.
+    pub fn of(name: &str, json: Value, bin: Vec<u8>) -> Glb<'static> {
+        Glb {
+            name: name.into(),
+            json,
+            bin: Cow::Owned(bin),
+        }
+    }
+
+    fn parts<'b>(name: &str, bytes: &'b [u8]) -> Result<(Value, &'b [u8]), IoError> {
         let fault = |what: &str| {
             Fault::new("glb", name, what)
                 .hint("write the file again")
@@ -51,11 +78,7 @@ impl<'a> Glb<'a> {
                 .ok_or_else(|| fault("cut short"))?,
             None => &[],
         };
-        Ok(Self {
-            name: name.into(),
-            json,
-            bin,
-        })
+        Ok((json, bin))
     }
 
     /// A fault at a place in the JSON.
@@ -70,7 +93,7 @@ impl<'a> Glb<'a> {
     }
 
     /// The bytes of a buffer view, with its stride if it has one.
-    pub fn view(&self, index: &Value) -> Option<(&'a [u8], Option<usize>)> {
+    pub fn view(&self, index: &Value) -> Option<(&[u8], Option<usize>)> {
         let view = self.list("bufferViews").get(int(index)?)?;
         let start = int(&view["byteOffset"]).unwrap_or(0);
         let end = start.checked_add(int(&view["byteLength"])?)?;

@@ -20,7 +20,7 @@ const MAX_POINTS: usize = 1 << 28;
 /// The animation of a `.glb`; `name` is what errors call it. A still has one frame.
 pub fn read_moving(name: &str, bytes: &[u8]) -> Result<Clip, IoError> {
     let glb = Glb::new(name, bytes)?;
-    let stage = Stage::new(&glb)?;
+    let stage = Stage::playing(&glb, 0)?;
     let (mut garments, mut body) = (Vec::new(), None);
     for (i, node) in glb.list("nodes").iter().enumerate() {
         if node["mesh"].is_null() {
@@ -118,15 +118,16 @@ impl Track {
 }
 
 /// Nodes and their tracks.
-struct Stage<'a> {
+pub(super) struct Stage<'a> {
     nodes: &'a [Value],
-    parents: Vec<Option<usize>>,
+    pub(super) parents: Vec<Option<usize>>,
     tracks: HashMap<(usize, String), Track>,
     times: Vec<f64>,
 }
 
 impl<'a> Stage<'a> {
-    fn new(glb: &'a Glb) -> Result<Self, IoError> {
+    /// As the file stands.
+    pub(super) fn still(glb: &'a Glb) -> Result<Self, IoError> {
         let nodes = glb.list("nodes");
         let mut parents = vec![None; nodes.len()];
         for (i, node) in nodes.iter().enumerate() {
@@ -137,15 +138,20 @@ impl<'a> Stage<'a> {
                 })? = Some(i);
             }
         }
-        let mut stage = Self {
+        Ok(Self {
             nodes,
             parents,
             tracks: HashMap::new(),
             times: vec![0.0],
-        };
-        if let Some(animation) = glb.list("animations").first() {
+        })
+    }
+
+    /// Animation number `clip`, if there is one.
+    pub(super) fn playing(glb: &'a Glb, clip: usize) -> Result<Self, IoError> {
+        let mut stage = Self::still(glb)?;
+        if let Some(animation) = glb.list("animations").get(clip) {
             for channel in animation["channels"].as_array().into_iter().flatten() {
-                stage.track(glb, animation, channel)?;
+                stage.track(glb, (animation, clip), channel)?;
             }
         }
         let keys = stage.tracks.values().map(|t| &t.times);
@@ -155,8 +161,13 @@ impl<'a> Stage<'a> {
         Ok(stage)
     }
 
-    fn track(&mut self, glb: &Glb, animation: &Value, channel: &Value) -> Result<(), IoError> {
-        let fault = |what: &str| glb.fault("/animations/0", what);
+    fn track(
+        &mut self,
+        glb: &Glb,
+        (animation, clip): (&Value, usize),
+        channel: &Value,
+    ) -> Result<(), IoError> {
+        let fault = |what: &str| glb.fault(&format!("/animations/{clip}"), what);
         let sampler = int(&channel["sampler"]).and_then(|s| animation["samplers"].get(s));
         let sampler = sampler.ok_or_else(|| fault("a channel without a sampler"))?;
         let kind = sampler["interpolation"].as_str().unwrap_or("LINEAR");
@@ -189,6 +200,12 @@ impl<'a> Stage<'a> {
         };
         self.tracks.insert((node, path.to_owned()), track);
         Ok(())
+    }
+
+    /// The time of the last key of all tracks [s].
+    pub(super) fn end(&self) -> f64 {
+        let lasts = self.tracks.values().filter_map(|t| t.times.last());
+        lasts.copied().fold(0.0, f64::max)
     }
 
     /// Keys a second.
@@ -233,7 +250,7 @@ impl<'a> Stage<'a> {
     }
 
     /// `world_from_node`; a tree that loops is cut.
-    fn world(&self, node: usize, time: f64) -> DAffine3 {
+    pub(super) fn world(&self, node: usize, time: f64) -> DAffine3 {
         let (mut at, mut world) = (node, self.local(node, time));
         for _ in 0..256 {
             let Some(parent) = self.parents[at] else {
@@ -379,7 +396,6 @@ impl Actor {
             Value::Null => vec![DAffine3::IDENTITY; self.joints.len()],
             index => {
                 let flat = glb.numbers(index)?.flat;
-                let matrix = |m: &[f64; 16]| DAffine3::from_mat4(DMat4::from_cols_array(m));
                 flat.as_chunks::<16>().0.iter().map(matrix).collect()
             }
         };
@@ -398,6 +414,11 @@ impl Actor {
         self.rows = rows.filter(|_| self.back.len() == n).ok_or_else(fault)?;
         Ok(())
     }
+}
+
+/// An affine map of its sixteen numbers, column by column.
+pub(super) fn matrix(m: &[f64; 16]) -> DAffine3 {
+    DAffine3::from_mat4(DMat4::from_cols_array(m))
 }
 
 /// For each source, the first vertex that is a copy of it; none if one is missing.

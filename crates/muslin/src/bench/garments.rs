@@ -286,7 +286,7 @@ pub(super) fn set<'a>(
     let options = as_trained(model, &options)?;
     let shape = asked_shape(avatar, &options.dress)?;
     let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
-    let moving = motion::load(avatar, &figure, &options)?;
+    let moving = motion::load((avatar, None), &figure, &options)?;
     let outfit = Outfit::make(avatar, &options.dress, |_| {})?;
     let set = Set::new(avatar, figure, moving, outfit)?;
     fits(model, &set)?;

@@ -41,7 +41,10 @@ pub fn pictures(set: &Set, clip: &Clip, backdrop: Backdrop) -> (Image, Vec<Image
 fn scene(set: &Set, clip: &Clip, (t, backdrop): (usize, Backdrop)) -> muslin_picture::Scene {
     let body = set.seen(t, &clip.body[t]);
     let cloth = &clip.drape.frames[t];
-    let scene = look::scene((set.avatar, &body), &set.outfit, cloth, backdrop);
+    let mut scene = look::scene((set.avatar, &body), &set.outfit, cloth, backdrop);
+    if let Some(hero) = set.hero {
+        scene.parts[0] = look::mannequin(set.hero_at(hero, (t, &clip.body[t])), &hero.character.faces);
+    }
     // One floor for all frames: who jumps leaves it.
     let floor = clip.body.iter().map(|b| look::lowest(b));
     let floor = floor.fold(f64::INFINITY, f64::min);

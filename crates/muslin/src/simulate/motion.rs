@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
+use crate::hero::Hero;
 
 use super::{SimulateOptions, room};
 
@@ -59,20 +60,25 @@ const SHORTEST: usize = 15;
 
 /// The motion that the options ask for.
 pub fn load(
-    avatar: &Avatar,
+    (avatar, hero): (&Avatar, Option<&Hero>),
     figure: &Figure,
     options: &SimulateOptions,
 ) -> Result<Moving, Failure> {
     let path = Path::new(&options.motion);
-    let mut found = match motions::NAMES.contains(&options.motion.as_str()) {
-        true => built_in(avatar, figure, options)?,
-        false if path.exists() || has_kind(path) => file(avatar, figure, path)?,
-        false => return Err(unknown(&options.motion)),
+    let clip = match hero {
+        Some(hero) => hero.clip(&options.motion, options.fps)?,
+        None => None,
+    };
+    let mut found = match (clip, motions::NAMES.contains(&options.motion.as_str())) {
+        (Some(motion), _) => own(options, motion),
+        (None, true) => built_in(avatar, figure, options)?,
+        (None, false) if path.exists() || has_kind(path) => file(avatar, figure, path)?,
+        (None, false) => return Err(unknown(&options.motion, hero)),
     };
     let named = |f: Failure| f.at(found.name.clone());
     let mut cut = cut(&found.motion, options).map_err(named)?;
     found.turned = room::make_room(avatar, figure, &mut cut).map_err(|e| body_failure(&e))?;
-    let rest = Pose::rest(avatar);
+    let (rest, _) = avatar.dressing(figure);
     found.lead = cut.steps_from(&rest, LEAD_IN).max(SHORTEST);
     found.motion = cut.with_lead_in(&rest, found.lead);
     if !found.motion.is_sound() {
@@ -80,6 +86,18 @@ pub fn load(
         return Err(fault.at(found.name));
     }
     Ok(found)
+}
+
+/// An animation of the character's own file.
+fn own(options: &SimulateOptions, motion: Motion) -> Moving {
+    Moving {
+        name: options.motion.clone(),
+        sha256: None,
+        motion,
+        lead: 0,
+        turned: 0.0,
+        warnings: Vec::new(),
+    }
 }
 
 fn built_in(
@@ -106,8 +124,9 @@ fn has_kind(path: &Path) -> bool {
     path.extension().is_some_and(is)
 }
 
-fn unknown(asked: &str) -> Failure {
-    let near = names::nearest(asked, motions::NAMES.into_iter());
+fn unknown(asked: &str, hero: Option<&Hero>) -> Failure {
+    let own = hero.into_iter().flat_map(|h| &h.file.clips);
+    let near = names::nearest(asked, motions::NAMES.into_iter().chain(own.map(String::as_str)));
     let what = format!("no motion is called {asked:?}, and there is no such file");
     let hint = format!(
         "did you mean {}? `muslin list motions` shows all; files are .bvh or .npz",

@@ -9,6 +9,7 @@ use muslin_sim::{Cloth, Frame, Walk};
 use crate::drape::{cloth, put_on};
 use crate::failure::Failure;
 use crate::figure::body_frame;
+use crate::hero::Hero;
 use crate::outfit::Outfit;
 
 use super::motion::Moving;
@@ -20,6 +21,8 @@ pub struct Set<'a> {
     pub avatar: &'a Avatar,
     /// The body at rest.
     pub figure: Figure,
+    /// The skin while it is dressed [m].
+    stood: Vec<DVec3>,
     cores: Cores<'a>,
     /// How it moves.
     pub moving: Moving,
@@ -27,10 +30,12 @@ pub struct Set<'a> {
     pub outfit: Outfit,
     /// The same for the solver.
     pub cloth: Cloth,
-    /// Where the cloth starts, around the body at rest [m].
+    /// Where the cloth starts, around the body as it is dressed [m].
     pub start: Vec<DVec3>,
     /// Whether time goes on by BDF2.
     pub bdf2: bool,
+    /// Whom the body stands for, if not for itself.
+    pub hero: Option<&'a Hero>,
 }
 
 impl<'a> Set<'a> {
@@ -41,8 +46,10 @@ impl<'a> Set<'a> {
         moving: Moving,
         outfit: Outfit,
     ) -> Result<Self, Failure> {
-        let worn = put_on(avatar, &outfit, &figure)?;
+        let (_, stood) = avatar.dressing(&figure);
+        let worn = put_on(avatar, &outfit, &stood)?;
         Ok(Self {
+            stood: stood.verts[avatar.part(Part::Body)].to_vec(),
             cloth: cloth(&outfit, &worn),
             start: worn.into_iter().flat_map(|w| w.verts).collect(),
             cores: Cores::new(avatar, &figure),
@@ -51,6 +58,7 @@ impl<'a> Set<'a> {
             moving,
             outfit,
             bdf2: false,
+            hero: None,
         })
     }
 
@@ -83,9 +91,9 @@ impl<'a> Set<'a> {
         }
     }
 
-    /// The skin at rest [m].
+    /// The skin while it is dressed [m].
     pub fn rest(&self) -> Vec<DVec3> {
-        self.figure.verts[self.avatar.part(Part::Body)].to_vec()
+        self.stood.clone()
     }
 
     /// Skin and eyes in a delivered frame [m], with the skin that the cloth lies on.
@@ -95,6 +103,15 @@ impl<'a> Set<'a> {
         verts[self.avatar.part(Part::Body)].copy_from_slice(skin);
         verts.truncate(self.avatar.part(Part::Eyes).end);
         verts
+    }
+
+    /// The character's own vertices in a delivered frame [m], where its flesh has given way as the skin
+    /// that the cloth lies on has.
+    pub fn hero_at(&self, hero: &Hero, (frame, skin): (usize, &[DVec3])) -> Vec<DVec3> {
+        let pose = &self.moving.motion.poses[self.moving.lead + frame];
+        let posed = self.avatar.pose(&self.figure, pose);
+        let by: Vec<DVec3> = skin.iter().zip(&posed.verts).map(|(s, p)| *s - *p).collect();
+        hero.twin.posed(&hero.character, &posed.bones, &by)
     }
 
     /// Vertices of the cloth and of the skin.

@@ -9,6 +9,7 @@ use muslin_train::{diffused, mixed, thinned};
 use super::TrainOptions;
 use crate::drape::{cloth, put_on};
 use crate::failure::Failure;
+use crate::hero::Hero;
 use crate::outfit::Outfit;
 use crate::simulate::{SimulateOptions, motion};
 
@@ -37,14 +38,16 @@ impl Pupil {
         outfit: &Outfit,
         system: Option<System>,
     ) -> Result<Self, Failure> {
-        let worn = put_on(avatar, outfit, figure)?;
+        let (_, stood) = avatar.dressing(figure);
+        let worn = put_on(avatar, outfit, &stood)?;
         let piece = &outfit.pieces[0];
         let skin = piece.garment.skin_weights(avatar);
         let spread = system.map_or(DIFFUSED, |s| (s.smoothed(), ALL_BONES));
+        let weights = diffused(&skin, &piece.garment.faces, spread);
         Ok(Self {
             cloth: cloth(outfit, &worn),
-            template: worn[0].verts.clone(),
-            weights: diffused(&skin, &piece.garment.faces, spread),
+            template: avatar.at_rest(figure, (&weights, &worn[0].verts)),
+            weights,
             fabric: piece.fabric.name.clone(),
         })
     }
@@ -60,7 +63,7 @@ pub(super) fn rate(system: Option<System>) -> f64 {
 
 /// A motion without its way in from the rest pose, and what to call it.
 pub(super) fn one(
-    avatar: &Avatar,
+    who: (&Avatar, Option<&Hero>),
     figure: &Figure,
     (name, fps): (&str, f64),
 ) -> Result<(Motion, String), Failure> {
@@ -69,7 +72,7 @@ pub(super) fn one(
         fps,
         ..SimulateOptions::default()
     };
-    let moving = motion::load(avatar, figure, &options)?;
+    let moving = motion::load(who, figure, &options)?;
     let source = match &moving.sha256 {
         Some(hash) => format!("{} sha256:{}", file_name(&moving.name), &hash[..16]),
         None => format!("built-in {}", moving.name),

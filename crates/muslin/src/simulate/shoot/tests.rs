@@ -38,7 +38,7 @@ fn set(avatar: &Avatar, frames: usize) -> Set<'_> {
         ..SimulateOptions::default()
     };
     let figure = avatar.figure(&Shape::default()).expect("an adult");
-    let moving = motion::load(avatar, &figure, &options).expect("built in");
+    let moving = motion::load((avatar, None), &figure, &options).expect("built in");
     let outfit = Outfit::make(avatar, &options.dress, |_| {}).expect("a tee");
     Set::new(avatar, figure, moving, outfit).expect("it fits")
 }

@@ -1,0 +1,111 @@
+//! Who wears it: our own body, or a character that our body is made to resemble.
+
+use glam::DAffine3;
+use muslin_body::{Avatar, Character, Motion, Shape, Twin};
+use muslin_geom::Report;
+use muslin_io::{CharacterFile, read_character};
+
+use crate::dress::file_failure;
+use crate::failure::{Exit, Failure};
+use crate::figure::body_failure;
+use crate::options::DressOptions;
+
+/// A character from a file, and our body in its likeness.
+#[derive(Clone, Debug)]
+pub struct Hero {
+    /// As it was read.
+    pub file: CharacterFile,
+    /// The same on our floor, in metres.
+    pub character: Character,
+    /// Our body in its likeness.
+    pub twin: Twin,
+    /// Our body as it is; garments are cut on it and then put on the likeness.
+    pub base: Avatar,
+    /// From the file's places to ours.
+    pub ours_from_file: DAffine3,
+}
+
+/// Above this share of skin that our likeness does not cover, a warning is due.
+const UNCOVERED: f64 = 0.02;
+
+impl Hero {
+    /// The character that the options name, if they do.
+    pub fn load(options: &DressOptions) -> Result<Option<Hero>, Failure> {
+        let Some(path) = &options.body else {
+            return Ok(None);
+        };
+        let file = read_character(path).map_err(|e| file_failure(&e))?;
+        let place = |e: &muslin_body::BodyError| {
+            Failure::new(Exit::Invalid, "character", e.to_string())
+                .at(file.file.clone())
+                .hint("a character needs two arms, two legs, a trunk and a head, each with its joints")
+        };
+        let base = Avatar::embedded().map_err(|e| body_failure(&e))?;
+        let mut character = file.character.clone();
+        let stood = character.stand(&base, options.height);
+        let ours_from_file = stood.map_err(|e| place(&e))?;
+        let twin = Twin::new(&base, &Shape::default(), &character).map_err(|e| place(&e))?;
+        Ok(Some(Hero {
+            file,
+            character,
+            twin,
+            base,
+            ours_from_file,
+        }))
+    }
+
+    /// An animation of its file by name, if it has one, in our places.
+    pub fn clip(&self, name: &str, fps: f64) -> Result<Option<Motion>, Failure> {
+        let Some(clip) = self.file.clips.iter().position(|c| c == name) else {
+            return Ok(None);
+        };
+        let frames = self.file.play(clip, fps).map_err(|e| file_failure(&e))?;
+        let pose = |joints: &Vec<DAffine3>| {
+            let ours: Vec<DAffine3> = joints.iter().map(|j| self.ours_from_file * *j).collect();
+            self.twin.pose_of(&ours)
+        };
+        Ok(Some(Motion {
+            fps,
+            poses: frames.iter().map(pose).collect(),
+        }))
+    }
+
+    /// What the report says of it.
+    pub fn report(&self, r: &mut Report) {
+        r.set("file", self.file.file.as_str());
+        r.set("sha256", self.file.sha256.as_str());
+        r.set("scale", self.ours_from_file.matrix3.determinant().cbrt());
+        r.set("joints", self.character.parents.len());
+        r.set("vertices", self.character.verts.len());
+        let percent = (self.twin.uncovered * 1e4).round() / 100.0;
+        r.set("uncovered_percent", percent);
+    }
+
+    /// What the user should know.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        let scale = self.ours_from_file.matrix3.determinant().cbrt();
+        if (scale - 1.0).abs() > 1e-6 {
+            all.push(format!(
+                "{} is dressed at {:.0} cm, {scale:.3} of its size; --height sets another",
+                self.file.file,
+                self.character.height() * 100.0
+            ));
+        }
+        if self.twin.uncovered > UNCOVERED {
+            all.push(format!(
+                "{:.1} % of its vertices stick out of the skin that cloth lies on (hair, armour, clothes?): cloth may pass through them",
+                self.twin.uncovered * 100.0
+            ));
+        }
+        all
+    }
+}
+
+/// What a model says of the body that it was taught on.
+pub(crate) fn body_note(hero: Option<&Hero>) -> String {
+    match hero {
+        Some(hero) => format!("sha256:{}", &hero.file.sha256[..16]),
+        None => "anny".into(),
+    }
+}
