@@ -85,14 +85,14 @@ pub enum BodyError {
         /// Largest mass this body can have [kg].
         most: f64,
     },
-    /// A recording's skeleton has no joint that plays a needed part.
+    /// A skeleton has no joint that plays a needed part.
     #[error(
-        "the recording has no joint for the {missing}; its joints are {names} ..; name them as CMU, MakeHuman, Mixamo or Poser do"
+        "the skeleton has no joint for the {missing}; {names}; name them as CMU, MakeHuman, Mixamo or Poser do"
     )]
     UnknownSkeleton {
         /// The part.
         missing: String,
-        /// Some names that it does have.
+        /// Some names that it does have, as a clause.
         names: String,
     },
 }

@@ -313,11 +313,16 @@ fn tip(skeleton: &Skeleton, j: usize) -> Option<Spot> {
 }
 
 fn unknown(skeleton: &Skeleton, side: usize, wanted: &[&str]) -> BodyError {
-    let some: Vec<&str> = skeleton.names.iter().take(6).map(String::as_str).collect();
+    let named = skeleton.names.iter().filter(|n| !n.is_empty());
+    let some: Vec<&str> = named.take(6).map(String::as_str).collect();
+    let names = match some.is_empty() {
+        true => "its joints have no names".to_owned(),
+        false => format!("its joints are {} ..", some.join(", ")),
+    };
     let side = ["left", "right"][side];
     BodyError::UnknownSkeleton {
         missing: format!("{side} {}", wanted[1]),
-        names: some.join(", "),
+        names,
     }
 }
 

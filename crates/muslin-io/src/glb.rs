@@ -7,6 +7,7 @@
 mod bin;
 mod buffer;
 mod character;
+mod dressed;
 mod json;
 mod moving;
 mod pack;
@@ -22,6 +23,7 @@ use crate::scene::{Node, Scene};
 use bin::{Bin, Grid};
 
 pub use character::{CharacterFile, read_character};
+pub use dressed::{Dressed, dressed_glb};
 pub use moving::{Moved, Skinned, moving_glb};
 pub use play::read_moving;
 

@@ -28,6 +28,9 @@ use crate::{
 pub struct Guesses<'a> {
     /// Positions [m] in some frames, one after the other.
     pub frames: &'a [Vec<DVec3>],
+    /// Where the cloth lies clean in the first of them already [m], if that is known: then a frame that
+    /// ends with a fault does not begin anew from its guess, for guesses so far off are no help.
+    pub begun: Option<&'a [DVec3]>,
     /// The number of the first of them, the lead-in not counted.
     pub first: usize,
     /// Steps that each is led by; with inertia, Newton steps at most of each of its steps in time.
@@ -75,9 +78,14 @@ pub fn refine(
         same("guess", guess.len(), cloth.n_verts())?;
         finite("guessed vertex", guess)?;
     }
+    if let Some(begun) = guesses.begun {
+        same("beginning", begun.len(), cloth.n_verts())?;
+        finite("vertex of the beginning", begun)?;
+    }
     let Some(start) = guesses.frames.first() else {
         return Ok(());
     };
+    let start = guesses.begun.unwrap_or(start);
     let begin = (walk.at)(walk.lead + guesses.first);
     begin.check(walk.rest.len())?;
     let skin = Surface::new(&begin.skin, walk.faces);
@@ -136,6 +144,9 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                 };
                 let turns = stage.motions_between(stage.body.now.verts(), &body.skin);
                 let by = |v: usize| {
+                    if i == 0 && guesses.begun.is_some() {
+                        return DVec3::ZERO;
+                    }
                     let led = turns[v].matrix3 * (stage.x[v] - old[v]);
                     guess[v] + led - stage.x[v]
                 };
@@ -152,7 +163,7 @@ impl<D: FnMut(Refined)> Run<'_, D> {
             }
             let (skin, yielded, left) = clean::tidy(stage, &body.cores)?;
             let self_crossings = stage.in_itself().len();
-            anew = swings && left + self_crossings > 0;
+            anew = swings && left + self_crossings > 0 && guesses.begun.is_none();
             (self.deliver)(Refined {
                 self_crossings,
                 verts: stage.x.clone(),

@@ -81,6 +81,7 @@ impl Scene {
             at: &at,
         };
         let guesses = Guesses {
+            begun: None,
             frames: &self.guesses()[first..],
             first,
             steps,
@@ -191,6 +192,7 @@ fn hem(inertia: f64) -> Vec<f64> {
     let straight =
         |k: usize| -> Vec<DVec3> { flat.iter().map(|p| p.extend(0.0) + way(k)).collect() };
     let guesses = Guesses {
+        begun: None,
         frames: &(0..frames).map(straight).collect::<Vec<_>>(),
         first: 0,
         steps: 5,

@@ -65,7 +65,7 @@ impl Folds {
         if self.shared(v, faces[face as usize][0] as usize) > SHARED {
             return None;
         }
-        if surface.vertex_normals()[v].dot(hit.normal) > 0.0 {
+        if surface.vertex_normal(v as u32).dot(hit.normal) > 0.0 {
             return None;
         }
         // Midway, and so that the law begins to push where the parts come too near.

@@ -27,6 +27,8 @@ pub struct Hero {
 
 /// Above this share of skin that our likeness does not cover, a warning is due.
 const UNCOVERED: f64 = 0.02;
+/// Above this share there is no body to be seen.
+const STRANGE: f64 = 0.3;
 
 impl Hero {
     /// The character that the options name, if they do.
@@ -45,6 +47,14 @@ impl Hero {
         let stood = character.stand(&base, options.height);
         let ours_from_file = stood.map_err(|e| place(&e))?;
         let twin = Twin::new(&base, &Shape::default(), &character).map_err(|e| place(&e))?;
+        if twin.uncovered > STRANGE {
+            let what = format!(
+                "its skin is not that of a body: {:.0} % of its vertices stick out of what our body can be made to resemble",
+                twin.uncovered * 100.0
+            );
+            let fault = Failure::new(Exit::Invalid, "character", what).at(file.file);
+            return Err(fault.hint("bind the skin to the whole skeleton, arms and legs in sleeves of their own"));
+        }
         Ok(Some(Hero {
             file,
             character,

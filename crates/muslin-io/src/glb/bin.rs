@@ -254,6 +254,26 @@ impl Bin {
         self.accessors.len() - 1
     }
 
+    /// Moves of `n` vertices that all stay.
+    pub fn zeros(&mut self, n: usize) -> usize {
+        let zero = [0.0; 3];
+        self.accessors.push(json!({
+            "type": "VEC3",
+            "componentType": FLOAT,
+            "count": n,
+            "min": zero,
+            "max": zero,
+        }));
+        self.accessors.len() - 1
+    }
+
+    /// Another file's view of these bytes, kept as it is but for its place.
+    pub fn copied(&mut self, bytes: &[u8], view: &mut Value) -> usize {
+        let start = self.start();
+        self.bytes.extend(bytes);
+        self.view(start, view.take())
+    }
+
     /// Triangles; 16-bit where the vertices allow (65,535 is kept for restarts).
     pub fn indices(&mut self, faces: &[[u32; 3]], n_verts: usize) -> usize {
         let start = self.start();

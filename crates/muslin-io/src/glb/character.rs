@@ -3,6 +3,8 @@
 //! `.glb`, `.vrm` (a GLB as well) and `.gltf` with what lies beside it. Where the skin was bound counts,
 //! not how the file happens to stand: `bound = G IBM⁻¹`, with `G` from where the topmost joint is.
 
+use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 
 use glam::{DAffine3, DVec3};
@@ -34,6 +36,19 @@ pub struct CharacterFile {
     pub(super) glb: Glb<'static>,
     /// The node of every joint.
     pub(super) nodes: Vec<usize>,
+    pub(super) pieces: Vec<Piece>,
+}
+
+/// One primitive of a skinned mesh.
+#[derive(Clone, Debug)]
+pub(super) struct Piece {
+    pub node: usize,
+    pub mesh: usize,
+    pub part: usize,
+    /// Its vertices among the character's.
+    pub verts: Range<usize>,
+    /// Inverse bind matrix of every joint of its skin, by the character's numbers.
+    pub back: BTreeMap<usize, DAffine3>,
 }
 
 /// Reads a character.
@@ -58,7 +73,7 @@ pub fn read_character(path: &Path) -> Result<CharacterFile, IoError> {
             reader.mesh(i)?;
         }
     }
-    let (character, nodes) = reader.finish()?;
+    let (character, nodes, pieces) = reader.finish()?;
     let named = |(i, a): (usize, &Value)| match a["name"].as_str() {
         Some(name) if !name.is_empty() => name.to_owned(),
         _ => (i + 1).to_string(),
@@ -69,6 +84,7 @@ pub fn read_character(path: &Path) -> Result<CharacterFile, IoError> {
         character,
         clips: glb.list("animations").iter().enumerate().map(named).collect(),
         nodes,
+        pieces,
         glb,
     })
 }
@@ -93,6 +109,7 @@ struct Reader<'a> {
     joint_of: Vec<Option<usize>>,
     nodes: Vec<usize>,
     character: Character,
+    pieces: Vec<Piece>,
 }
 
 impl<'a> Reader<'a> {
@@ -145,7 +162,14 @@ impl<'a> Reader<'a> {
             bound: nodes.iter().map(|i| stage.world(*i, 0.0)).collect(),
             ..Character::default()
         };
-        let mut reader = Self { glb, stage, joint_of, nodes, character };
+        let mut reader = Self {
+            glb,
+            stage,
+            joint_of,
+            nodes,
+            character,
+            pieces: Vec::new(),
+        };
         // Later skins do not move what an earlier one has bound.
         let mut set = vec![false; reader.nodes.len()];
         for s in 0..glb.list("skins").len() {
@@ -199,7 +223,7 @@ impl<'a> Reader<'a> {
             .zip(&back)
             .map(|(j, b)| self.character.bound[*j] * *b)
             .collect();
-        for part in mesh["primitives"].as_array().into_iter().flatten() {
+        for (k, part) in mesh["primitives"].as_array().into_iter().flatten().enumerate() {
             if int(&part["mode"]).unwrap_or(4) != 4 {
                 continue;
             }
@@ -246,6 +270,13 @@ impl<'a> Reader<'a> {
                 self.character.verts.push(at);
                 self.character.weights.push(row.iter().map(|w| (joints[w.0] as u32, w.1)));
             }
+            self.pieces.push(Piece {
+                node,
+                mesh: int(&value["mesh"]).unwrap_or(0),
+                part: k,
+                verts: first..first + verts.len(),
+                back: joints.iter().copied().zip(back.iter().copied()).collect(),
+            });
             let corners: Vec<u32> = match &part["indices"] {
                 Value::Null => (0..verts.len() as u32).collect(),
                 index => glb.numbers(index)?.flat.iter().map(|c| *c as u32).collect(),
@@ -259,10 +290,10 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn finish(self) -> Result<(Character, Vec<usize>), IoError> {
+    fn finish(self) -> Result<(Character, Vec<usize>, Vec<Piece>), IoError> {
         if self.character.faces.is_empty() {
             return Err(self.glb.fault("/meshes", "no skinned mesh has triangles"));
         }
-        Ok((self.character, self.nodes))
+        Ok((self.character, self.nodes, self.pieces))
     }
 }

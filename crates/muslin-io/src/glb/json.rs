@@ -22,6 +22,39 @@ pub struct Root {
 }
 
 impl Root {
+    /// Begun over another file's arrays.
+    pub fn over(nodes: Vec<Value>, meshes: Vec<Value>, materials: Vec<Value>) -> Self {
+        Self {
+            nodes,
+            meshes,
+            materials,
+            ..Self::default()
+        }
+    }
+
+    /// The other file's JSON with these arrays in place of its own. What is added has no textures.
+    pub fn over_finish(mut self, mut base: Value, bin: &Bin) -> Value {
+        debug_assert!(self.textures.is_empty() && self.images.is_empty());
+        self.uses("KHR_mesh_quantization");
+        for (key, names) in [
+            ("extensionsUsed", self.extensions.clone()),
+            ("extensionsRequired", vec!["KHR_mesh_quantization"]),
+        ] {
+            let list = base[key].as_array().cloned().unwrap_or_default();
+            let new = names.into_iter().map(Value::from);
+            let new: Vec<Value> = new.filter(|n| !list.contains(n)).collect();
+            base[key] = list.into_iter().chain(new).collect();
+        }
+        base["asset"]["generator"] = concat!("Muslin ", env!("CARGO_PKG_VERSION")).into();
+        base["nodes"] = self.nodes.into();
+        base["meshes"] = self.meshes.into();
+        base["materials"] = self.materials.into();
+        base["accessors"] = bin.accessors.clone().into();
+        base["bufferViews"] = bin.views.clone().into();
+        base["buffers"] = buffers(bin).into();
+        base
+    }
+
     /// Adds the node's material; the textures are laid out for its coordinates.
     pub fn material(&mut self, bin: &mut Bin, node: &Node) -> usize {
         let look = &node.material;

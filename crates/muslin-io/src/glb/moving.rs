@@ -45,7 +45,7 @@ pub struct Skinned<'a> {
 }
 
 /// A body beyond this from its skinned place gets a correction [m].
-const EXACT: f64 = 1e-5;
+pub(super) const EXACT: f64 = 1e-5;
 
 /// Cells of the grid to either side of the middle: differences of two must fit into 16 bits.
 const CELLS: f64 = 16_383.0;
@@ -60,24 +60,12 @@ pub fn moving_glb(
     garments: &[Moved],
 ) -> Result<Vec<u8>, IoError> {
     clip.check()?;
-    let parts = clip.garments();
-    let mut film = Film::new(clip);
-    if parts.len() != garments.len() {
-        return Err(Fault::new(
-            "bad-scene",
-            "the scene to write",
-            "one node a garment is needed",
-        )
-        .invalid());
-    }
+    let mut film = Film::over(clip, (Root::default(), Bin::default()));
     if let Some((moved, skin)) = body {
         fits(moved, clip.body.first().map_or(0, Vec::len))?;
         film.body(moved, skin, &clip.body)?;
     }
-    for (moved, (_, part)) in garments.iter().zip(&parts) {
-        fits(moved, part.n_verts())?;
-        film.garment(moved, part);
-    }
+    film.garments(clip, garments)?;
     film.finish(scene)
 }
 
@@ -107,21 +95,21 @@ fn fits(moved: &Moved, n: usize) -> Result<(), IoError> {
 }
 
 /// A file in the making.
-struct Film {
-    bin: Bin,
-    root: Root,
+pub(super) struct Film {
+    pub bin: Bin,
+    pub root: Root,
     channels: Vec<Value>,
     samplers: Vec<Value>,
     skins: Vec<Value>,
     /// Nodes that are not below another.
-    top: Vec<usize>,
+    pub top: Vec<usize>,
     times: usize,
     n_frames: usize,
 }
 
 impl Film {
-    fn new(clip: &Clip) -> Self {
-        let mut bin = Bin::default();
+    /// Begun over what is there already.
+    pub fn over(clip: &Clip, (root, mut bin): (Root, Bin)) -> Self {
         let n_frames = clip.drape.frames.len();
         let rate = if clip.drape.fps > 0.0 {
             clip.drape.fps
@@ -133,7 +121,7 @@ impl Film {
         let times = bin.keys(times.iter().map(|&t| [t]), shape);
         Self {
             bin,
-            root: Root::default(),
+            root,
             channels: Vec::new(),
             samplers: Vec::new(),
             skins: Vec::new(),
@@ -153,7 +141,7 @@ impl Film {
         }));
     }
 
-    fn places(&mut self, node: usize, places: &[DVec3]) {
+    pub fn places(&mut self, node: usize, places: &[DVec3]) {
         let values = places.iter().map(|p| p.as_vec3().to_array());
         let output = self
             .bin
@@ -161,7 +149,7 @@ impl Film {
         self.channel(node, "translation", output);
     }
 
-    fn turns(&mut self, node: usize, turns: &[DQuat]) {
+    pub fn turns(&mut self, node: usize, turns: &[DQuat]) {
         let values = turns.iter().map(|q| DVec4::from(*q).as_vec4().to_array());
         let output = self
             .bin
@@ -170,7 +158,7 @@ impl Film {
     }
 
     /// Weights that let target `k` stand alone in the frame `owners[k]`, and none elsewhere.
-    fn weights(&mut self, node: usize, owners: &[usize]) {
+    pub fn weights(&mut self, node: usize, owners: &[usize]) {
         if owners.is_empty() {
             return;
         }
@@ -183,6 +171,20 @@ impl Film {
         let shape = json!({ "type": "SCALAR", "componentType": 5121, "normalized": true });
         let output = self.bin.accessor((view, count), shape);
         self.channel(node, "weights", output);
+    }
+
+    /// All garments of the clip, in order.
+    pub fn garments(&mut self, clip: &Clip, garments: &[Moved]) -> Result<(), IoError> {
+        let parts = clip.garments();
+        if parts.len() != garments.len() {
+            let what = "one node a garment is needed";
+            return Err(Fault::new("bad-scene", "the scene to write", what).invalid());
+        }
+        for (moved, (_, part)) in garments.iter().zip(&parts) {
+            fits(moved, part.n_verts())?;
+            self.garment(moved, part);
+        }
+        Ok(())
     }
 
     fn garment(&mut self, moved: &Moved, clip: &Clip) {
@@ -409,15 +411,8 @@ impl Film {
             .push(json!({ "inverseBindMatrices": inverse, "joints": joints, "skeleton": first }));
         for b in 0..bones.len() {
             let tracks: Vec<DAffine3> = (0..self.n_frames).map(|t| local(t, b)).collect();
-            let mut turns: Vec<DQuat> = tracks
-                .iter()
-                .map(|a| DQuat::from_mat3(&a.matrix3).normalize())
-                .collect();
-            for t in 1..turns.len() {
-                if turns[t].dot(turns[t - 1]) < 0.0 {
-                    turns[t] = -turns[t];
-                }
-            }
+            let turns = tracks.iter().map(|a| DQuat::from_mat3(&a.matrix3).normalize());
+            let turns = same_way(turns.collect());
             let places: Vec<DVec3> = tracks.iter().map(|a| a.translation).collect();
             if places.iter().any(|p| p.distance(places[0]) > 1e-7) {
                 self.places(first + b, &places);
@@ -440,15 +435,46 @@ impl Film {
         if !self.channels.is_empty() {
             json["animations"] = json!([{ "name": bare.name, "channels": self.channels, "samplers": self.samplers }]);
         }
-        if self.bin.bytes.len() > 0xf000_0000 {
-            let fault = Fault::new("glb-large", "the animation to write", "too large for a GLB");
-            return Err(fault
-                .allowed("3.75 GiB")
-                .hint("write --npz or --pc2, or fewer frames")
-                .refused());
-        }
-        Ok(container(&json.to_string(), &self.bin.bytes))
+        sealed(&json, &self.bin)
     }
+
+    /// The whole file over another's JSON, whose first `own` nodes are not ours.
+    pub fn into_glb(self, base: Value, (name, own): (&str, usize)) -> Result<Vec<u8>, IoError> {
+        let wrapper = self.root.nodes.len() - 1;
+        let mut json = self.root.over_finish(base, &self.bin);
+        json["asset"]["extras"]["muslin"] = json!({ "character_nodes": own, "wrapper": wrapper });
+        let scene = super::buffer::int(&json["scene"]).unwrap_or(0);
+        match json["scenes"][scene]["nodes"].as_array_mut() {
+            Some(nodes) => nodes.push(wrapper.into()),
+            None => json["scenes"] = json!([{ "nodes": [wrapper] }]),
+        }
+        if !self.channels.is_empty() {
+            json["animations"] =
+                json!([{ "name": name, "channels": self.channels, "samplers": self.samplers }]);
+        }
+        sealed(&json, &self.bin)
+    }
+}
+
+/// Turns of which none goes the long way round from the one before.
+pub(super) fn same_way(mut turns: Vec<DQuat>) -> Vec<DQuat> {
+    for t in 1..turns.len() {
+        if turns[t].dot(turns[t - 1]) < 0.0 {
+            turns[t] = -turns[t];
+        }
+    }
+    turns
+}
+
+fn sealed(json: &Value, bin: &Bin) -> Result<Vec<u8>, IoError> {
+    if bin.bytes.len() > 0xf000_0000 {
+        let fault = Fault::new("glb-large", "the animation to write", "too large for a GLB");
+        return Err(fault
+            .allowed("3.75 GiB")
+            .hint("write --npz or --pc2, or fewer frames")
+            .refused());
+    }
+    Ok(container(&json.to_string(), &bin.bytes))
 }
 
 fn with_extras(value: &mut Value, node: &Node) {

@@ -22,8 +22,16 @@ pub fn read_moving(name: &str, bytes: &[u8]) -> Result<Clip, IoError> {
     let glb = Glb::new(name, bytes)?;
     let stage = Stage::playing(&glb, 0)?;
     let (mut garments, mut body) = (Vec::new(), None);
+    // A character's own nodes are no garments, and ours are in metres below a node that is not.
+    let dressed = &glb.json["asset"]["extras"]["muslin"];
+    let own = int(&dressed["character_nodes"]).unwrap_or(0);
+    let mut stage = stage;
+    if let Some(wrapper) = int(&dressed["wrapper"]) {
+        let below = stage.parents.iter_mut().filter(|p| **p == Some(wrapper));
+        below.for_each(|p| *p = None);
+    }
     for (i, node) in glb.list("nodes").iter().enumerate() {
-        if node["mesh"].is_null() {
+        if node["mesh"].is_null() || i < own {
             continue;
         }
         let actor = Actor::new(&glb, i)?;
@@ -234,7 +242,7 @@ impl<'a> Stage<'a> {
             .unwrap_or_else(|| or.to_vec())
     }
 
-    fn local(&self, node: usize, time: f64) -> DAffine3 {
+    pub(super) fn local(&self, node: usize, time: f64) -> DAffine3 {
         if let Some(m) = self.nodes[node]["matrix"]
             .as_array()
             .filter(|m| m.len() == 16)

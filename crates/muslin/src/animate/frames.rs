@@ -58,7 +58,11 @@ pub(crate) fn play(
     let inertia = if model.sway.is_some() { level } else { 0.0 };
     let mut solved = match refine {
         0 => shown(set, &raw.frames, watch)?,
-        _ => along((set, refine, inertia), (0, &raw.frames), watch)?,
+        _ => {
+            let begun = begun((set, refine), &raw.frames[0], watch)?;
+            let begun = begun.as_deref();
+            along((set, refine, inertia), (0, &raw.frames, begun), watch)?
+        }
     };
     if refine > 0 {
         let bad: Vec<usize> = (0..n).filter(|k| solved[*k].faults > 0).collect();
@@ -149,7 +153,7 @@ fn shown(set: &Set, raw: &[Vec<DVec3>], watch: &mut Watch) -> Result<Vec<Solved>
 /// cloth swing from the first of them on, where inertia counts.
 pub(crate) fn along(
     (set, steps, inertia): (&Set, usize, f64),
-    (first, raw): (usize, &[Vec<DVec3>]),
+    (first, raw, begun): (usize, &[Vec<DVec3>], Option<&[DVec3]>),
     watch: &mut Watch,
 ) -> Result<Vec<Solved>, Failure> {
     let (rest, at) = (set.rest(), |k: usize| set.frame(k));
@@ -160,6 +164,7 @@ pub(crate) fn along(
     };
     let guesses = Guesses {
         frames: raw,
+        begun,
         first,
         steps,
         inertia,
@@ -174,6 +179,23 @@ pub(crate) fn along(
     watch.go_on()?;
     ended.map_err(|e| Failure::new(Exit::Numbers, "refine", e.to_string()))?;
     Ok(out)
+}
+
+/// Where the cloth lies clean in the first frame [m], if the solver cannot lead its prediction there in
+/// `steps`: as on a body that the network never met.
+fn begun(
+    (set, steps): (&Set, usize),
+    raw: &Vec<DVec3>,
+    watch: &mut Watch,
+) -> Result<Option<Vec<DVec3>>, Failure> {
+    let mut first = along((set, steps, 0.0), (0, std::slice::from_ref(raw), None), watch)?;
+    if first[0].faults == 0 {
+        return Ok(None);
+    }
+    watch.progress("on the way from the rest pose into the motion");
+    reach(set, 0, &mut first)?;
+    let clean = first.swap_remove(0);
+    Ok((clean.faults == 0).then_some(clean.cloth))
 }
 
 /// Solves frame `k` from the nearest clean one, else from the rest pose.

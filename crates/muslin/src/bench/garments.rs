@@ -222,7 +222,7 @@ fn one_clip(
     let solve = |k: &usize| {
         let body = set.frame(set.moving.lead + k);
         let first = (k + 1).saturating_sub(LONG);
-        let way = (first, &raw.frames[first..=*k]);
+        let way = (first, &raw.frames[first..=*k], None);
         let near = along((&set, REFINE, 0.0), way, &mut Watch::nobody())?.pop();
         let near = near.expect("the way ends in this frame");
         let rest = refined(&set, &near.cloth, (&body, CONVERGED))?;

@@ -40,7 +40,7 @@ pub(super) fn rows(
     };
     let still = predict((&here, &swinging), (0.0, usize::MAX))?.frames;
     let raw = predict((&here, &swinging), (1.0, usize::MAX))?.frames;
-    let refined = along((&here, REFINE, 1.0), (0, &raw), &mut Watch::nobody())?;
+    let refined = along((&here, REFINE, 1.0), (0, &raw, None), &mut Watch::nobody())?;
     let refined: Vec<Vec<DVec3>> = refined.into_iter().map(|s| s.cloth).collect();
     let simulated = simulated(&set_at(FPS * FINER as f64)?)?;
     let turns = turns(&here, model)?;

@@ -3,11 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use muslin_geom::Report;
-use muslin_io::{Clip, Moved, Output, Scene, Skinned, animated_png, moving_glb, png, report_json};
+use muslin_io::{
+    Clip, Dressed, Moved, Output, Scene, Skinned, animated_png, dressed_glb, moving_glb, png,
+    report_json,
+};
 use rayon::prelude::*;
 
 use crate::dress::file_failure;
 use crate::failure::Failure;
+use crate::hero::Hero;
 use crate::files;
 
 use super::set::Set;
@@ -131,6 +135,9 @@ fn glb(set: &Set, clip: &Clip) -> Result<Vec<u8>, Failure> {
             moved(files::garment(piece, verts, &piece.garment.uv))
         })
         .collect();
+    if let Some(hero) = set.hero {
+        return dressed(set, hero, (&clip, step), &garments);
+    }
     let rig = set.avatar.export_rig();
     let poses = set.moving.motion.poses[set.moving.lead..]
         .iter()
@@ -151,6 +158,29 @@ fn glb(set: &Set, clip: &Clip) -> Result<Vec<u8>, Failure> {
         nodes: Vec::new(),
     };
     moving_glb(&scene, &clip, Some((&body, &skin)), &garments).map_err(|e| file_failure(&e))
+}
+
+/// The character's own file with the garments in it; `clip` has every `step`th frame.
+fn dressed(
+    set: &Set,
+    hero: &Hero,
+    (clip, step): (&Clip, usize),
+    garments: &[Moved],
+) -> Result<Vec<u8>, Failure> {
+    let frames = clip.body.par_iter().enumerate().map(|(i, skin)| {
+        let (bones, by) = set.yielded((i * step, skin));
+        let joints = hero.twin.joints(&bones).into_iter().zip(&hero.twin.follows);
+        let joints = joints.map(|(j, follows)| follows.map(|_| j)).collect();
+        (joints, hero.twin.yielded(&by).collect())
+    });
+    let (joints, yielded) = frames.collect();
+    let played = Dressed {
+        file: &hero.file,
+        file_from_ours: hero.ours_from_file.inverse(),
+        joints,
+        yielded,
+    };
+    dressed_glb((&set.moving.name, clip), &played, garments).map_err(|e| file_failure(&e))
 }
 
 #[cfg(test)]

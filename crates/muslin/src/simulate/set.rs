@@ -1,6 +1,6 @@
 //! Everything that a simulation starts from: who, how they move, what they wear.
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use muslin_body::{Avatar, Cores, Figure, Part};
 use muslin_geom::Drape;
 use muslin_io::{Clip, sha256};
@@ -108,10 +108,17 @@ impl<'a> Set<'a> {
     /// The character's own vertices in a delivered frame [m], where its flesh has given way as the skin
     /// that the cloth lies on has.
     pub fn hero_at(&self, hero: &Hero, (frame, skin): (usize, &[DVec3])) -> Vec<DVec3> {
+        let (bones, by) = self.yielded((frame, skin));
+        hero.twin.posed(&hero.character, &bones, &by)
+    }
+
+    /// The bones in a delivered frame ([`muslin_body::Posed::bones`]), and how far its skin has given way
+    /// from where they take it [m].
+    pub fn yielded(&self, (frame, skin): (usize, &[DVec3])) -> (Vec<DAffine3>, Vec<DVec3>) {
         let pose = &self.moving.motion.poses[self.moving.lead + frame];
         let posed = self.avatar.pose(&self.figure, pose);
-        let by: Vec<DVec3> = skin.iter().zip(&posed.verts).map(|(s, p)| *s - *p).collect();
-        hero.twin.posed(&hero.character, &posed.bones, &by)
+        let by = skin.iter().zip(&posed.verts).map(|(s, p)| *s - *p).collect();
+        (posed.bones, by)
     }
 
     /// Vertices of the cloth and of the skin.
