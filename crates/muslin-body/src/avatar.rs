@@ -185,9 +185,8 @@ impl Avatar {
         };
         let bones = self.bones(figure, &bound.dressing);
         let pairs = dressed.iter().zip(weights.rows());
-        let back = |(p, row): (&DVec3, &[(u32, f64)])| {
-            blended(row, &bones).inverse().transform_point3(*p)
-        };
+        let back =
+            |(p, row): (&DVec3, &[(u32, f64)])| blended(row, &bones).inverse().transform_point3(*p);
         pairs.map(back).collect()
     }
 

@@ -68,7 +68,9 @@ impl Character {
             turn,
             -DVec3::new(hips.x, floor, hips.z),
         );
-        self.verts.iter_mut().for_each(|v| *v = ours_from_file.transform_point3(*v));
+        self.verts
+            .iter_mut()
+            .for_each(|v| *v = ours_from_file.transform_point3(*v));
         self.bound.iter_mut().for_each(|b| *b = ours_from_file * *b);
         Ok(ours_from_file)
     }

@@ -338,8 +338,8 @@ fn part(name: &str) -> (Option<usize>, String) {
         "J_Bip_",
         "DEF-",
     ]
-        .iter()
-        .fold(name, |n, p| n.strip_prefix(p).unwrap_or(n));
+    .iter()
+    .fold(name, |n, p| n.strip_prefix(p).unwrap_or(n));
     let (side, rest) = side(name);
     let bare = rest
         .chars()

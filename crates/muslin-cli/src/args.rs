@@ -143,6 +143,7 @@ Examples:
   muslin simulate --motion dance.bvh --start 2 --seconds 4 --outfit tee,trousers:denim -o dance.glb
   muslin simulate --motion spin --npz spin.npz -o spin.glb && muslin evaluate spin.npz
   muslin simulate --motion takes/ --motion run -o out      one on each core, out/NAME.glb
+  muslin simulate --body hero.glb --motion Idle -o hero-dressed.glb     a character, in its own animation
 
 What is done is kept in OUT.part; after Ctrl-C or a crash the same command with --resume goes on
 from there, to the same bits. OUT.report.json says how good the result is.")]
@@ -270,6 +271,7 @@ Examples:
   muslin animate --model tee.muslin --motion dance.bvh --npz dance.npz --picture -o dance.glb
   muslin animate --model tee.muslin --motion walk --refine 0 -o raw.glb      as predicted, unchecked
   muslin animate --garment skirt --motion spin --motion-level 0.7            with less swing
+  muslin animate --body hero.glb --model hero-tee.muslin --motion walk       a character, taught with train --body
 
 OUT.report.json says how good the result is.")]
 pub struct Animate {

@@ -77,7 +77,11 @@ pub fn animate(
     let stranger = stage.strangers(&model, &simulate.dress)?;
     let weights = wardrobe::weights(&model, &avatar)?;
     let template = avatar.at_rest(&set.figure, (&weights, &set.start));
-    let model = stage.swinging(wardrobe::fitted(model, &template), (&set, &template), stranger)?;
+    let model = stage.swinging(
+        wardrobe::fitted(model, &template),
+        (&set, &template),
+        stranger,
+    )?;
     stage.perform((&set, &model), &simulate, (out, folders))
 }
 
@@ -252,7 +256,11 @@ impl<'a> Theatre<'a, '_> {
                 others = vec!["body"];
             }
         }
-        if model.notes.get("body").is_some_and(|b| *b != body_note(self.hero)) {
+        if model
+            .notes
+            .get("body")
+            .is_some_and(|b| *b != body_note(self.hero))
+        {
             others = vec!["body"];
         }
         if model.notes.get("fabric") != dress.outfit[0].fabric.as_ref() {

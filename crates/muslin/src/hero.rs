@@ -53,7 +53,9 @@ impl Hero {
                 twin.uncovered * 100.0
             );
             let fault = Failure::new(Exit::Invalid, "character", what).at(file.file);
-            return Err(fault.hint("bind the skin to the whole skeleton, arms and legs in sleeves of their own"));
+            return Err(fault.hint(
+                "bind the skin to the whole skeleton, arms and legs in sleeves of their own",
+            ));
         }
         Ok(Some(Hero {
             file,

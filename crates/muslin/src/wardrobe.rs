@@ -72,7 +72,9 @@ fn taught(piece: &Piece) -> Option<Model> {
 /// How the cloth of a model follows the bones of an avatar.
 pub(crate) fn weights(model: &Model, avatar: &Avatar) -> Result<Sparse, Failure> {
     let bones = model.bones.iter().map(|name| avatar.bone(name));
-    let bones: Vec<usize> = bones.collect::<Result<_, _>>().map_err(|e| body_failure(&e))?;
+    let bones: Vec<usize> = bones
+        .collect::<Result<_, _>>()
+        .map_err(|e| body_failure(&e))?;
     let mut weights = Sparse::new();
     for v in 0..model.n_verts() {
         let row = model.skin.row(v);

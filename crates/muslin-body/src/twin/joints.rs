@@ -55,7 +55,9 @@ impl Joints {
                     self.goes_with(avatar, j, &format!("{name}.{side}"))?;
                 }
             }
-            let Spot::Head(upper) = self.roles.arm[s][0] else { continue };
+            let Spot::Head(upper) = self.roles.arm[s][0] else {
+                continue;
+            };
             for j in between(character, chest, upper) {
                 self.goes_with(avatar, j, &format!("clavicle.{side}"))?;
             }
@@ -72,7 +74,11 @@ impl Joints {
         if chest != hips {
             spine.push(chest);
         }
-        self.spread(avatar, &spine, &["spine05", "spine04", "spine03", "spine02", "spine01"])?;
+        self.spread(
+            avatar,
+            &spine,
+            &["spine05", "spine04", "spine03", "spine02", "spine01"],
+        )?;
         let mut neck = match (self.roles.neck, self.roles.head) {
             (_, Some(Spot::Head(head))) => {
                 self.goes_with(avatar, head, "head")?;
@@ -89,7 +95,12 @@ impl Joints {
     }
 
     /// Hands a chain of joints on to a chain of bones, whose last turns as far as the last joint.
-    fn spread(&mut self, avatar: &Avatar, chain: &[usize], bones: &[&str]) -> Result<(), BodyError> {
+    fn spread(
+        &mut self,
+        avatar: &Avatar,
+        chain: &[usize],
+        bones: &[&str],
+    ) -> Result<(), BodyError> {
         for (i, j) in chain.iter().enumerate() {
             let share = (i + 1) as f64 / chain.len() as f64;
             let bone = (share * bones.len() as f64).round().max(1.0) as usize - 1;
@@ -146,13 +157,17 @@ fn guessed(character: &Character) -> Option<Roles> {
     let children = character.children();
     let mut moves = vec![false; at.len()];
     for row in character.weights.rows() {
-        row.iter().filter(|w| w.1 > 0.0).for_each(|w| moves[w.0 as usize] = true);
+        row.iter()
+            .filter(|w| w.1 > 0.0)
+            .for_each(|w| moves[w.0 as usize] = true);
     }
     for j in (0..at.len()).rev() {
         moves[j] |= children[j].iter().any(|c| moves[*c]);
     }
     let heirs = |j: usize| children[j].iter().filter(|c| moves[**c]).count();
-    let ends: Vec<usize> = (0..at.len()).filter(|j| moves[*j] && heirs(*j) == 0).collect();
+    let ends: Vec<usize> = (0..at.len())
+        .filter(|j| moves[*j] && heirs(*j) == 0)
+        .collect();
     let best = |rank: &dyn Fn(usize) -> f64, of: &dyn Fn(usize) -> bool| {
         let fit = ends.iter().copied().filter(|j| of(*j));
         fit.max_by(|a, b| rank(*a).total_cmp(&rank(*b)))
@@ -167,10 +182,14 @@ fn guessed(character: &Character) -> Option<Roles> {
     let apart = |j: usize| j != one && chain(common(character, one, j), one).len() > 2;
     let other = best(&|j| -at[j].y, &apart)?;
     let hips = common(character, one, other);
+    // Feet point ahead of their ankles.
     let ahead = |end: usize| {
-        let leg = chain(hips, end);
-        let ankle = at[*leg.get(2)?];
-        (leg.len() > 3).then(|| (at[end] - ankle).with_y(0.0))
+        let ankle = *chain(hips, end).get(2)?;
+        let in_foot = |j: u32| path(character, j as usize).contains(&ankle);
+        let rows = character.verts.iter().zip(character.weights.rows());
+        let foot = rows.filter(|(_, row)| row.iter().any(|w| w.1 > 0.5 && in_foot(w.0)));
+        let (sum, n) = foot.fold((DVec3::ZERO, 0.0), |(s, n), (p, _)| (s + *p, n + 1.0));
+        (n > 0.0).then(|| (sum / n - at[ankle]).with_y(0.0))
     };
     let ahead = ahead(one).unwrap_or(DVec3::ZERO) + ahead(other).unwrap_or(DVec3::ZERO);
     let ahead = match ahead.x.abs() > ahead.z.abs() {
@@ -208,7 +227,9 @@ fn guessed(character: &Character) -> Option<Roles> {
         let way = path(character, j);
         [l, r].iter().any(|h| way.contains(&chain(chest, *h)[0]))
     };
-    let crown = best(&|j| at[j].y, &|j| !in_leg(j) && !in_arm(j) && at[j].y > at[chest].y);
+    let crown = best(&|j| at[j].y, &|j| {
+        !in_leg(j) && !in_arm(j) && at[j].y > at[chest].y
+    });
     let neck = crown.map(|c| chain(common(character, c, chest), c));
     let toe = |c: &Vec<usize>| c.get(3).map(|j| Spot::Head(*j));
     Some(Roles {

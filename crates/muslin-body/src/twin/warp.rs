@@ -51,7 +51,8 @@ impl Warp {
 /// Solves in place by elimination with row exchange; none if the system is singular.
 fn eliminate(a: &mut [f64], n: usize, width: usize) -> Option<()> {
     for k in 0..n {
-        let best = (k..n).max_by(|&i, &j| a[i * width + k].abs().total_cmp(&a[j * width + k].abs()))?;
+        let best =
+            (k..n).max_by(|&i, &j| a[i * width + k].abs().total_cmp(&a[j * width + k].abs()))?;
         let pivot = a[best * width + k];
         if pivot.abs() < 1e-9 {
             return None;
@@ -95,6 +96,9 @@ mod tests {
         for (p, q) in from.iter().zip(&bent) {
             assert!(warp.at(*p).distance(*q) < 1e-9);
         }
-        assert!(Warp::new(&from[..3], &to[..3]).is_none(), "three points lie in a plane");
+        assert!(
+            Warp::new(&from[..3], &to[..3]).is_none(),
+            "three points lie in a plane"
+        );
     }
 }

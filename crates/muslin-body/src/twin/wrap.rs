@@ -94,12 +94,15 @@ impl Cover<'_> {
             let pulled: Vec<_> = pulled.collect();
             self.move_by(&pulled, stiff, x);
         }
-        for _ in 0..COVERS {
-            if !self.cover(under, x) {
-                break;
+        // What is evened out is covered once more.
+        for _ in 0..2 {
+            for _ in 0..COVERS {
+                if !self.cover(under, x) {
+                    break;
+                }
             }
+            self.unfold(x);
         }
-        self.unfold(x);
     }
 
     /// Pushes the skin out where the other still sticks out; says whether it did.
@@ -107,7 +110,9 @@ impl Cover<'_> {
         let own = Surface::new(x, self.faces);
         let out = vertex_normals(under.verts, under.faces);
         let lacks = (0..under.verts.len()).into_par_iter().filter_map(|i| {
-            let hit = under.bare[i].then(|| own.closest(under.verts[i], STICKS)).flatten()?;
+            let hit = under.bare[i]
+                .then(|| own.closest(under.verts[i], STICKS))
+                .flatten()?;
             let lack = hit.signed + MARGIN;
             (lack > 0.0 && hit.normal.dot(out[i]) > ALIKE).then_some((hit.face, lack))
         });
@@ -159,7 +164,9 @@ impl Cover<'_> {
             for _ in 0..RINGS {
                 let wider = (0..x.len()).filter(|i| near[*i].iter().any(|j| folded[*j]));
                 let wider: Vec<usize> = wider.collect();
-                wider.into_iter().for_each(|i| folded[i] |= self.pull[i] > 0.5);
+                wider
+                    .into_iter()
+                    .for_each(|i| folded[i] |= self.pull[i] > 0.5);
             }
             for _ in 0..EVENED {
                 let even = |i: usize| match folded[i] && !near[i].is_empty() {
@@ -175,7 +182,11 @@ impl Cover<'_> {
     /// Adds the moves `d` that minimise `Σ w |d − t|² + stiff Σ k |d_i − d_j|²` for pairs `(w, t)`.
     fn move_by(&self, pulled: &[(f64, DVec3)], stiff: f64, x: &mut [DVec3]) {
         let product = |d: &[DVec3]| {
-            let mut out: Vec<DVec3> = d.iter().zip(pulled).map(|(d, p)| *d * (p.0 + 1e-6)).collect();
+            let mut out: Vec<DVec3> = d
+                .iter()
+                .zip(pulled)
+                .map(|(d, p)| *d * (p.0 + 1e-6))
+                .collect();
             for ([a, b], k) in &self.edges {
                 let (a, b) = (*a as usize, *b as usize);
                 let pull = (d[a] - d[b]) * (stiff * k);
@@ -192,7 +203,8 @@ impl Cover<'_> {
         let dot = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum::<f64>();
         let mut d = vec![DVec3::ZERO; x.len()];
         let mut r: Vec<DVec3> = pulled.iter().map(|p| p.1 * p.0).collect();
-        let eased = |r: &[DVec3]| -> Vec<DVec3> { r.iter().zip(&diagonal).map(|(r, m)| *r / *m).collect() };
+        let eased =
+            |r: &[DVec3]| -> Vec<DVec3> { r.iter().zip(&diagonal).map(|(r, m)| *r / *m).collect() };
         let mut z = eased(&r);
         let mut p = z.clone();
         let mut rz = dot(&r, &z);

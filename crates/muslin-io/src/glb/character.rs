@@ -82,7 +82,12 @@ pub fn read_character(path: &Path) -> Result<CharacterFile, IoError> {
         sha256: input.sha256(),
         file: input.file,
         character,
-        clips: glb.list("animations").iter().enumerate().map(named).collect(),
+        clips: glb
+            .list("animations")
+            .iter()
+            .enumerate()
+            .map(named)
+            .collect(),
         nodes,
         pieces,
         glb,
@@ -121,8 +126,9 @@ impl<'a> Reader<'a> {
         for (s, skin) in glb.list("skins").iter().enumerate() {
             for j in skin["joints"].as_array().into_iter().flatten() {
                 let slot = int(j).and_then(|j| is_joint.get_mut(j));
-                *slot.ok_or_else(|| glb.fault(&format!("/skins/{s}"), "a joint that is no node"))? =
-                    true;
+                *slot.ok_or_else(|| {
+                    glb.fault(&format!("/skins/{s}"), "a joint that is no node")
+                })? = true;
             }
         }
         if !is_joint.contains(&true) {
@@ -144,7 +150,10 @@ impl<'a> Reader<'a> {
         }
         nodes.sort_by_key(|i| (depth(*i), *i));
         let mut joint_of = vec![None; n];
-        nodes.iter().enumerate().for_each(|(j, i)| joint_of[*i] = Some(j));
+        nodes
+            .iter()
+            .enumerate()
+            .for_each(|(j, i)| joint_of[*i] = Some(j));
         let above = |i: &usize| {
             let mut at = stage.parents[*i];
             while let Some(p) = at {
@@ -155,7 +164,12 @@ impl<'a> Reader<'a> {
             }
             None
         };
-        let name = |i: &usize| glb.list("nodes")[*i]["name"].as_str().unwrap_or("").to_owned();
+        let name = |i: &usize| {
+            glb.list("nodes")[*i]["name"]
+                .as_str()
+                .unwrap_or("")
+                .to_owned()
+        };
         let character = Character {
             names: nodes.iter().map(name).collect(),
             parents: nodes.iter().map(above).collect(),
@@ -175,7 +189,9 @@ impl<'a> Reader<'a> {
         for s in 0..glb.list("skins").len() {
             let (joints, back) = reader.skin(s)?;
             let first = joints.iter().zip(&back).min_by_key(|(j, _)| **j);
-            let Some((first, inverse)) = first else { continue };
+            let Some((first, inverse)) = first else {
+                continue;
+            };
             let ground = reader.stage.world(reader.nodes[*first], 0.0) * *inverse;
             for (j, inverse) in joints.iter().zip(&back) {
                 if !std::mem::replace(&mut set[*j], true) {
@@ -198,12 +214,18 @@ impl<'a> Reader<'a> {
             Value::Null => vec![DAffine3::IDENTITY; joints.len()],
             index => {
                 let flat = self.glb.numbers(index)?.flat;
-                flat.as_chunks::<16>().0.iter().map(matrix).collect::<Vec<_>>()
+                flat.as_chunks::<16>()
+                    .0
+                    .iter()
+                    .map(matrix)
+                    .collect::<Vec<_>>()
             }
         };
         let is_sound = |m: &DAffine3| m.is_finite() && m.matrix3.determinant().abs() > 1e-18;
         if back.len() < joints.len() || !back.iter().all(is_sound) {
-            return Err(self.glb.fault(&pointer, "a joint without a bind matrix that can be undone"));
+            return Err(self
+                .glb
+                .fault(&pointer, "a joint without a bind matrix that can be undone"));
         }
         Ok((joints, back))
     }
@@ -223,14 +245,25 @@ impl<'a> Reader<'a> {
             .zip(&back)
             .map(|(j, b)| self.character.bound[*j] * *b)
             .collect();
-        for (k, part) in mesh["primitives"].as_array().into_iter().flatten().enumerate() {
+        for (k, part) in mesh["primitives"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .enumerate()
+        {
             if int(&part["mode"]).unwrap_or(4) != 4 {
                 continue;
             }
             let attributes = &part["attributes"];
             let verts = glb.numbers(&attributes["POSITION"])?;
             let verts: Vec<DVec3> = match verts.width {
-                3 => verts.flat.as_chunks::<3>().0.iter().map(|c| DVec3::from_array(*c)).collect(),
+                3 => verts
+                    .flat
+                    .as_chunks::<3>()
+                    .0
+                    .iter()
+                    .map(|c| DVec3::from_array(*c))
+                    .collect(),
                 _ => return Err(fault("positions that are not in space")),
             };
             let first = self.character.verts.len();
@@ -259,16 +292,23 @@ impl<'a> Reader<'a> {
             for (v, row) in verts.iter().zip(&rows) {
                 let total: f64 = row.iter().map(|w| w.1).sum();
                 if !v.is_finite() || !total.is_finite() || row.iter().any(|w| w.0 >= joints.len()) {
-                    return Err(fault("a vertex that is not a number, or that follows no joint"));
+                    return Err(fault(
+                        "a vertex that is not a number, or that follows no joint",
+                    ));
                 }
                 // Some exporters leave sums off one; a vertex without weights follows the first joint.
                 let row: Vec<(usize, f64)> = match total > 0.0 {
                     true => row.iter().map(|w| (w.0, w.1 / total)).collect(),
                     false => vec![(0, 1.0)],
                 };
-                let at: DVec3 = row.iter().map(|w| place[w.0].transform_point3(*v) * w.1).sum();
+                let at: DVec3 = row
+                    .iter()
+                    .map(|w| place[w.0].transform_point3(*v) * w.1)
+                    .sum();
                 self.character.verts.push(at);
-                self.character.weights.push(row.iter().map(|w| (joints[w.0] as u32, w.1)));
+                self.character
+                    .weights
+                    .push(row.iter().map(|w| (joints[w.0] as u32, w.1)));
             }
             self.pieces.push(Piece {
                 node,
@@ -285,7 +325,9 @@ impl<'a> Reader<'a> {
                 return Err(fault("a triangle has a corner that is no vertex"));
             }
             let faces = corners.as_chunks::<3>().0.iter();
-            self.character.faces.extend(faces.map(|f| f.map(|c| c + first as u32)));
+            self.character
+                .faces
+                .extend(faces.map(|f| f.map(|c| c + first as u32)));
         }
         Ok(())
     }

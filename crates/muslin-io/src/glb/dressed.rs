@@ -87,8 +87,9 @@ impl Film {
                 Some(p) => world(t, p).inverse() * world(t, *node),
                 None => world(t, *node),
             };
-            let parts: Vec<(DVec3, DQuat, DVec3)> =
-                (0..n).map(|t| local(t).to_scale_rotation_translation()).collect();
+            let parts: Vec<(DVec3, DQuat, DVec3)> = (0..n)
+                .map(|t| local(t).to_scale_rotation_translation())
+                .collect();
             let (scale, turn, place) = parts[0];
             let slot = &mut self.root.nodes[*node];
             if let Some(map) = slot.as_object_mut() {
@@ -114,10 +115,14 @@ impl Film {
     fn flesh(&mut self, dressed: &Dressed) -> Result<(), IoError> {
         let pieces = &dressed.file.pieces;
         let mut by_mesh: BTreeMap<usize, Vec<&Piece>> = BTreeMap::new();
-        pieces.iter().for_each(|p| by_mesh.entry(p.mesh).or_default().push(p));
+        pieces
+            .iter()
+            .for_each(|p| by_mesh.entry(p.mesh).or_default().push(p));
         for (mesh, pieces) in by_mesh {
             let node = pieces[0].node;
-            let parts = self.root.meshes[mesh]["primitives"].as_array().map_or(0, Vec::len);
+            let parts = self.root.meshes[mesh]["primitives"]
+                .as_array()
+                .map_or(0, Vec::len);
             let is_plain = self.root.meshes[mesh]["primitives"]
                 .as_array()
                 .is_some_and(|all| all.iter().all(|p| p["targets"].is_null()));
@@ -203,7 +208,12 @@ fn kept(glb: &Glb) -> Result<(Value, Bin), IoError> {
             if !part["indices"].is_null() {
                 keep(&mut part["indices"]);
             }
-            for target in part.get_mut("targets").and_then(Value::as_array_mut).into_iter().flatten() {
+            for target in part
+                .get_mut("targets")
+                .and_then(Value::as_array_mut)
+                .into_iter()
+                .flatten()
+            {
                 let map = target.as_object_mut();
                 map.into_iter().flatten().for_each(|(_, v)| keep(v));
             }
@@ -223,7 +233,8 @@ fn kept(glb: &Glb) -> Result<(Value, Bin), IoError> {
         let new = *views.entry(i).or_insert_with(|| {
             let bytes = glb.view(value).map(|v| v.0);
             missing |= bytes.is_none();
-            let mut shape = glb.list("bufferViews")[i.min(glb.list("bufferViews").len() - 1)].clone();
+            let mut shape =
+                glb.list("bufferViews")[i.min(glb.list("bufferViews").len() - 1)].clone();
             bin.copied(bytes.unwrap_or(&[]), &mut shape)
         });
         *value = new.into();

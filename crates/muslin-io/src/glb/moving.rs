@@ -411,7 +411,9 @@ impl Film {
             .push(json!({ "inverseBindMatrices": inverse, "joints": joints, "skeleton": first }));
         for b in 0..bones.len() {
             let tracks: Vec<DAffine3> = (0..self.n_frames).map(|t| local(t, b)).collect();
-            let turns = tracks.iter().map(|a| DQuat::from_mat3(&a.matrix3).normalize());
+            let turns = tracks
+                .iter()
+                .map(|a| DQuat::from_mat3(&a.matrix3).normalize());
             let turns = same_way(turns.collect());
             let places: Vec<DVec3> = tracks.iter().map(|a| a.translation).collect();
             if places.iter().any(|p| p.distance(places[0]) > 1e-7) {

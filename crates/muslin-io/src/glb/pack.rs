@@ -21,7 +21,11 @@ pub fn packed(path: &Path, input: &Input) -> Result<Glb<'static>, IoError> {
         let what = format!("neither a GLB nor glTF JSON: {e}");
         fault("/".into(), &what)
     })?;
-    if !json["asset"]["version"].as_str().unwrap_or("").starts_with('2') {
+    if !json["asset"]["version"]
+        .as_str()
+        .unwrap_or("")
+        .starts_with('2')
+    {
         return Err(fault("/asset/version".into(), "not glTF 2"));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
@@ -29,8 +33,12 @@ pub fn packed(path: &Path, input: &Input) -> Result<Glb<'static>, IoError> {
     let mut starts = Vec::new();
     for (i, buffer) in list(&json, "buffers").iter().enumerate() {
         let pointer = format!("/buffers/{i}");
-        let uri = buffer["uri"].as_str().ok_or_else(|| fault(pointer.clone(), "a buffer without a uri"))?;
-        let bytes = fetch(folder, uri).map_err(|e| e.unwrap_or_else(|| fault(pointer, "a uri that is not below the file's folder")))?;
+        let uri = buffer["uri"]
+            .as_str()
+            .ok_or_else(|| fault(pointer.clone(), "a buffer without a uri"))?;
+        let bytes = fetch(folder, uri).map_err(|e| {
+            e.unwrap_or_else(|| fault(pointer, "a uri that is not below the file's folder"))
+        })?;
         starts.push(bin.len());
         bin.extend(bytes);
         bin.resize(bin.len().next_multiple_of(4), 0);
@@ -47,9 +55,15 @@ pub fn packed(path: &Path, input: &Input) -> Result<Glb<'static>, IoError> {
             continue;
         };
         let pointer = format!("/images/{i}");
-        let bytes = fetch(folder, &uri).map_err(|e| e.unwrap_or_else(|| fault(pointer, "a uri that is not below the file's folder")))?;
+        let bytes = fetch(folder, &uri).map_err(|e| {
+            e.unwrap_or_else(|| fault(pointer, "a uri that is not below the file's folder"))
+        })?;
         let view = json!({ "buffer": 0, "byteOffset": bin.len(), "byteLength": bytes.len() });
-        let kind = if bytes.starts_with(b"\x89PNG") { "image/png" } else { "image/jpeg" };
+        let kind = if bytes.starts_with(b"\x89PNG") {
+            "image/png"
+        } else {
+            "image/jpeg"
+        };
         bin.extend(bytes);
         bin.resize(bin.len().next_multiple_of(4), 0);
         let views = json["bufferViews"].as_array_mut();
@@ -74,7 +88,10 @@ fn fetch(folder: &Path, uri: &str) -> Result<Vec<u8>, Option<IoError>> {
         return base64(text).ok_or(None);
     }
     let path = PathBuf::from(unescaped(uri).ok_or(None)?);
-    if path.components().any(|c| !matches!(c, Component::Normal(_) | Component::CurDir)) {
+    if path
+        .components()
+        .any(|c| !matches!(c, Component::Normal(_) | Component::CurDir))
+    {
         return Err(None);
     }
     let read = read_file(&folder.join(path), MAX_BYTES);
@@ -126,9 +143,19 @@ mod tests {
     fn data_in_a_uri_is_read_and_ways_out_of_the_folder_are_not() {
         let folder = Path::new("");
         let read = |uri: &str| fetch(folder, uri).ok();
-        assert_eq!(read("data:application/octet-stream;base64,bXVzbGlu"), Some(b"muslin".to_vec()));
+        assert_eq!(
+            read("data:application/octet-stream;base64,bXVzbGlu"),
+            Some(b"muslin".to_vec())
+        );
         assert_eq!(read("data:;base64,bXVzbGluLg=="), Some(b"muslin.".to_vec()));
-        for uri in ["../secret.bin", "/etc/hostname", "a/../../b", "data:;base64,a-b", "http:%", "data:x,y"] {
+        for uri in [
+            "../secret.bin",
+            "/etc/hostname",
+            "a/../../b",
+            "data:;base64,a-b",
+            "http:%",
+            "data:x,y",
+        ] {
             assert!(matches!(fetch(folder, uri), Err(None)), "{uri}");
         }
         assert_eq!(unescaped("a%20b.bin").as_deref(), Some("a b.bin"));

@@ -188,7 +188,11 @@ fn begun(
     raw: &Vec<DVec3>,
     watch: &mut Watch,
 ) -> Result<Option<Vec<DVec3>>, Failure> {
-    let mut first = along((set, steps, 0.0), (0, std::slice::from_ref(raw), None), watch)?;
+    let mut first = along(
+        (set, steps, 0.0),
+        (0, std::slice::from_ref(raw), None),
+        watch,
+    )?;
     if first[0].faults == 0 {
         return Ok(None);
     }

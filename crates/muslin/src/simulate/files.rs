@@ -11,8 +11,8 @@ use rayon::prelude::*;
 
 use crate::dress::file_failure;
 use crate::failure::Failure;
-use crate::hero::Hero;
 use crate::files;
+use crate::hero::Hero;
 
 use super::set::Set;
 use super::{SimulateOptions, film};

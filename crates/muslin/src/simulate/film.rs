@@ -43,7 +43,8 @@ fn scene(set: &Set, clip: &Clip, (t, backdrop): (usize, Backdrop)) -> muslin_pic
     let cloth = &clip.drape.frames[t];
     let mut scene = look::scene((set.avatar, &body), &set.outfit, cloth, backdrop);
     if let Some(hero) = set.hero {
-        scene.parts[0] = look::mannequin(set.hero_at(hero, (t, &clip.body[t])), &hero.character.faces);
+        scene.parts[0] =
+            look::mannequin(set.hero_at(hero, (t, &clip.body[t])), &hero.character.faces);
     }
     // One floor for all frames: who jumps leaves it.
     let floor = clip.body.iter().map(|b| look::lowest(b));

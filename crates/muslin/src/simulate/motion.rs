@@ -126,7 +126,10 @@ fn has_kind(path: &Path) -> bool {
 
 fn unknown(asked: &str, hero: Option<&Hero>) -> Failure {
     let own = hero.into_iter().flat_map(|h| &h.file.clips);
-    let near = names::nearest(asked, motions::NAMES.into_iter().chain(own.map(String::as_str)));
+    let near = names::nearest(
+        asked,
+        motions::NAMES.into_iter().chain(own.map(String::as_str)),
+    );
     let what = format!("no motion is called {asked:?}, and there is no such file");
     let hint = format!(
         "did you mean {}? `muslin list motions` shows all; files are .bvh or .npz",

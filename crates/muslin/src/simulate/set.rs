@@ -117,7 +117,11 @@ impl<'a> Set<'a> {
     pub fn yielded(&self, (frame, skin): (usize, &[DVec3])) -> (Vec<DAffine3>, Vec<DVec3>) {
         let pose = &self.moving.motion.poses[self.moving.lead + frame];
         let posed = self.avatar.pose(&self.figure, pose);
-        let by = skin.iter().zip(&posed.verts).map(|(s, p)| *s - *p).collect();
+        let by = skin
+            .iter()
+            .zip(&posed.verts)
+            .map(|(s, p)| *s - *p)
+            .collect();
         (posed.bones, by)
     }
 

@@ -1,0 +1,123 @@
+//! Somebody else's character in our clothes, as a user types it.
+
+mod common;
+
+use std::path::Path;
+
+use common::{Folder, errors, muslin};
+use muslin_io::{read_character, read_clip};
+
+/// A short animation, whose body serves as a character: a skin on bones.
+fn character(folder: &Folder) -> String {
+    let out = folder.at("hero.glb");
+    let done = muslin(&[
+        "simulate",
+        "--motion",
+        "wave",
+        "--edge",
+        "25",
+        "--fps",
+        "30",
+        "--seconds",
+        "0.2",
+        "-o",
+        &out,
+    ]);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    out
+}
+
+#[test]
+fn a_character_wears_a_tee_in_its_own_animation_and_keeps_its_skeleton() {
+    let folder = Folder::new("hero");
+    let hero = character(&folder);
+    let (out, npz) = (folder.at("dressed.glb"), folder.at("dressed.npz"));
+    let args = [
+        "simulate",
+        "--body",
+        &hero,
+        "--motion",
+        "simulation",
+        "--edge",
+        "25",
+        "--fps",
+        "30",
+        "--seconds",
+        "0.2",
+        "--npz",
+        &npz,
+        "-o",
+        &out,
+    ];
+    let done = muslin(&args);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let report = std::fs::read_to_string(folder.at("dressed.report.json")).expect("written");
+    for figure in [
+        "\"uncovered_percent\"",
+        "hero.glb",
+        "\"name\": \"simulation\"",
+    ] {
+        assert!(report.contains(figure), "{figure} is missing:\n{report}");
+    }
+    // The skeleton plays what it played before.
+    let read = |p: &str| read_character(Path::new(p)).expect("it can be read");
+    let (before, after) = (read(&hero), read(&out));
+    assert_eq!(before.character.names, after.character.names);
+    assert_eq!(before.character.faces, after.character.faces);
+    assert_eq!(after.clips, ["simulation"]);
+    let play = |c: &muslin_io::CharacterFile| c.play(0, 30.0).expect("it plays");
+    let (a, b) = (play(&before), play(&after));
+    assert_eq!((a.len(), b.len()), (6, 6));
+    let mut compared = 0;
+    for (a, b) in a.iter().zip(&b) {
+        for (name, (a, b)) in before.character.names.iter().zip(a.iter().zip(b)) {
+            if ["upper", "lower", "foot", "wrist"]
+                .iter()
+                .any(|n| name.starts_with(n))
+            {
+                let off = a.translation.distance(b.translation);
+                assert!(off < 5e-3, "{name}: {off}");
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 60, "{compared}");
+    // The garment is the only thing to judge, in metres.
+    let clip = read_clip(Path::new(&out)).expect("it can be read");
+    let arrays = read_clip(Path::new(&npz)).expect("it can be read");
+    assert_eq!(clip.garments().len(), 1);
+    let pairs = clip.drape.frames[5].iter().zip(&arrays.drape.frames[5]);
+    let off = pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+    assert!(off < 1e-4, "{off}");
+}
+
+#[test]
+fn what_cannot_be_dressed_is_refused_in_words() {
+    let folder = Folder::new("no-hero");
+    let (out, bad) = (folder.at("a.glb"), folder.at("bad.gltf"));
+    std::fs::write(
+        &bad,
+        br#"{"asset":{"version":"2.0"},"nodes":[{"name":"box"}]}"#,
+    )
+    .expect("written");
+    for (args, exit, told) in [
+        (vec!["--body", &bad], 3, "a character needs a skeleton"),
+        (vec!["--body", &folder.at("none.glb")], 5, "no such file"),
+        (
+            vec!["--body", &bad, "--weight", "70"],
+            2,
+            "a character has a shape of its own",
+        ),
+    ] {
+        let all = [&["simulate", "-o", &out][..], &args[..]].concat();
+        let done = muslin(&all);
+        assert_eq!(
+            done.status.code(),
+            Some(exit),
+            "{args:?}: {}",
+            errors(&done)
+        );
+        assert!(errors(&done).contains(told), "{args:?}: {}", errors(&done));
+    }
+    assert!(!Path::new(&out).exists());
+}
