@@ -36,6 +36,11 @@ impl Hero {
         let Some(path) = &options.body else {
             return Ok(None);
         };
+        if path.extension().is_none() && !path.exists() {
+            let what = format!("no body is called {:?}", muslin_io::name(path));
+            let fault = Failure::new(Exit::Usage, "unknown-body", what).at("--body");
+            return Err(fault.hint("there is anny; a character is a .glb, .gltf or .vrm file"));
+        }
         let file = read_character(path).map_err(|e| file_failure(&e))?;
         let place = |e: &muslin_body::BodyError| {
             Failure::new(Exit::Invalid, "character", e.to_string())
