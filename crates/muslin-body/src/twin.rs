@@ -29,6 +29,8 @@ pub struct Twin {
     /// Share of the character's vertices, hands and head left out, that lie more than 3 mm outside our
     /// skin.
     pub uncovered: f64,
+    /// Share of our skin, as far as it is drawn over the character's, that finds none near.
+    pub unmet: f64,
     /// The place of our skin that each of the character's vertices goes with where flesh gives way.
     on_skin: Vec<Option<([u32; 3], [f64; 3])>>,
     bound: Vec<DAffine3>,

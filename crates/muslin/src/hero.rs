@@ -52,10 +52,11 @@ impl Hero {
         let stood = character.stand(&base, options.height);
         let ours_from_file = stood.map_err(|e| place(&e))?;
         let twin = Twin::new(&base, &Shape::default(), &character).map_err(|e| place(&e))?;
-        if twin.uncovered > STRANGE {
+        let strange = twin.uncovered.max(twin.unmet);
+        if strange > STRANGE {
             let what = format!(
-                "its skin is not that of a body: {:.0} % of its vertices stick out of what our body can be made to resemble",
-                twin.uncovered * 100.0
+                "its skin is not that of a body: {:.0} % of it is not where our body, bent to its skeleton, has skin",
+                strange * 100.0
             );
             let fault = Failure::new(Exit::Invalid, "character", what).at(file.file);
             return Err(fault.hint(
@@ -96,6 +97,7 @@ impl Hero {
         r.set("vertices", self.character.verts.len());
         let percent = (self.twin.uncovered * 1e4).round() / 100.0;
         r.set("uncovered_percent", percent);
+        r.set("unmet_percent", (self.twin.unmet * 1e4).round() / 100.0);
     }
 
     /// What the user should know.

@@ -35,6 +35,8 @@ const NEAR: f64 = 0.05;
 /// enough, and the room on either side [m].
 const ARMS_OUT: [f64; 4] = [0.0, 0.25, 0.5, 0.75];
 const SLEEVE: f64 = 0.01;
+/// Our skin has met the character's within this share of its height.
+const MET: f64 = 0.03;
 /// The tights lie at least this far off the skin [m].
 const OFF: f64 = 0.003;
 /// A vertex farther than this outside our skin is seen through cloth [m].
@@ -157,6 +159,14 @@ impl<'a> Maker<'a> {
         let weights = self.weights(&drawn, &cover.edges);
         let rest = self.rest(&drawn, (&unbind, &weights));
         let uncovered = uncovered(&drawn, base.collision_faces(), &under);
+        let theirs = Surface::new(under.verts, under.faces);
+        let drawn_over = (0..drawn.len()).filter(|i| cover.pull[*i] > 0.0);
+        let (mut all, mut unmet) = (0.0, 0.0);
+        for i in drawn_over {
+            all += 1.0;
+            let met = theirs.closest(drawn[i], MET * under.height).is_some();
+            unmet += f64::from(u8::from(!met));
+        }
         let own = Surface::new(&drawn, base.collision_faces());
         let on_skin = whole.verts.iter().map(|p| {
             let hit = own.closest(*p, NEAR)?;
@@ -167,6 +177,7 @@ impl<'a> Maker<'a> {
             avatar,
             follows: self.joints.follows.clone(),
             uncovered,
+            unmet: unmet / f64::max(all, 1.0),
             on_skin: on_skin.collect(),
             bound,
             joints: whole.bound.clone(),

@@ -42,6 +42,9 @@ const EVENED: usize = 3;
 const STEPS: usize = 200;
 const ENOUGH: f64 = 1e-4;
 
+/// Limbs that are told apart, the trunk among them.
+pub(crate) const LIMBS: usize = 5;
+
 /// Our skin, and how its places are to be treated.
 pub(crate) struct Cover<'a> {
     /// Triangles of the outer skin.
@@ -68,9 +71,8 @@ pub(crate) struct Under<'a> {
 impl Cover<'_> {
     /// Draws the skin at `x` [m] over the other.
     pub fn draw_over(&self, under: &Under, x: &mut [DVec3]) {
-        let limbs = 1 + under.limb.iter().max().copied().unwrap_or(0);
         let whole = Surface::new(under.verts, under.faces);
-        let of_limb: Vec<Surface> = (0..limbs)
+        let of_limb: Vec<Surface> = (0..LIMBS)
             .map(|l| {
                 let faces = under.faces.iter();
                 let own = faces.filter(|f| f.iter().any(|v| under.limb[*v as usize] == l));
@@ -94,15 +96,12 @@ impl Cover<'_> {
             let pulled: Vec<_> = pulled.collect();
             self.move_by(&pulled, stiff, x);
         }
-        // What is evened out is covered once more.
-        for _ in 0..2 {
-            for _ in 0..COVERS {
-                if !self.cover(under, x) {
-                    break;
-                }
+        for _ in 0..COVERS {
+            if !self.cover(under, x) {
+                break;
             }
-            self.unfold(x);
         }
+        self.unfold(x);
     }
 
     /// Pushes the skin out where the other still sticks out; says whether it did.

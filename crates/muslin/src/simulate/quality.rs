@@ -1,12 +1,14 @@
 //! How good a simulation is, as far as that is cheap to tell.
 
-use muslin_geom::{Mesh, Report, self_intersections};
+use glam::DVec3;
+use muslin_geom::{Mesh, Report, intersecting_pairs, self_intersections};
 use muslin_io::Clip;
 use muslin_sim::{BEYOND_LIMIT, stretch};
 use rayon::prelude::*;
 
 use crate::drape::percentile_99;
 use crate::failure::{Exit, Failure};
+use crate::hero::Hero;
 
 use super::reel::Told;
 use super::set::Set;
@@ -38,6 +40,8 @@ pub struct Quality {
     pub crossings: Vec<usize>,
     /// What the simulator told of each frame.
     pub told: Vec<Told>,
+    /// Pairs of cloth and a character's own triangles that meet, frame by frame; none on our own body.
+    pub shown: Vec<usize>,
 }
 
 impl Quality {
@@ -59,6 +63,18 @@ impl Quality {
                 (parts.collect(), self_intersections(&mesh).len())
             })
             .collect();
+        let shown = |hero: &Hero| -> Vec<usize> {
+            let pairs = clip.drape.frames.par_iter().zip(&clip.body).enumerate();
+            let met = pairs.map(|(t, (x, skin))| {
+                let mesh = |verts: Vec<DVec3>, faces: &[[u32; 3]]| Mesh {
+                    verts,
+                    faces: faces.to_vec(),
+                };
+                let own = mesh(set.hero_at(hero, (t, skin)), &hero.character.faces);
+                intersecting_pairs(&mesh(x.clone(), &set.cloth.faces), &own).len()
+            });
+            met.collect()
+        };
         let strained = set.outfit.pieces.iter().enumerate().map(|(k, piece)| {
             let of = |i: usize| each.iter().map(move |e| e.0[k][i]);
             let limit = piece.fabric.strain_limit;
@@ -75,6 +91,7 @@ impl Quality {
             strained: strained.collect(),
             crossings: each.iter().map(|e| e.1).collect(),
             told,
+            shown: set.hero.map(shown).unwrap_or_default(),
         }
     }
 
@@ -123,6 +140,13 @@ impl Quality {
                 s.max * 100.0
             ));
         }
+        let met = self.shown.iter().filter(|n| **n > 0).count();
+        if met > 0 {
+            out.push(format!(
+                "cloth passes through the character's own triangles in {met} frames, in {} places at most: what stands off its body is not seen by the cloth",
+                self.shown.iter().max().unwrap_or(&0)
+            ));
+        }
         out
     }
 
@@ -153,6 +177,12 @@ impl Quality {
             "self_crossings_max",
             self.crossings.iter().copied().max().unwrap_or(0),
         );
+        if !self.shown.is_empty() {
+            let met = self.shown.iter().filter(|n| **n > 0).count();
+            r.set("frames_with_character_intersections", met);
+            let most = self.shown.iter().copied().max().unwrap_or(0);
+            r.set("character_intersections_max", most);
+        }
         let mut all = Report::default();
         for s in &self.strained {
             all.set(&s.name, s.report());
