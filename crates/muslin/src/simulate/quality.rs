@@ -232,6 +232,7 @@ mod tests {
             seconds: 0.1,
         };
         Quality {
+            shown: Vec::new(),
             crossings: vec![0, crossings],
             told: vec![told(0.0), told(body)],
             strained: Vec::new(),
