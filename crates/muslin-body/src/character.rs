@@ -59,7 +59,7 @@ impl Character {
             None => USUAL / tall,
         };
         if !(scale.is_finite() && scale > 0.0) {
-            return Err(BodyError::Corrupt("a character without height"));
+            return Err(BodyError::NoBody("it has no height"));
         }
         let hips = turn * stance.hips() * scale;
         let floor = self.verts.iter().map(|v| v.y).fold(f64::INFINITY, f64::min) * scale;

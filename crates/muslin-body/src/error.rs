@@ -85,6 +85,9 @@ pub enum BodyError {
         /// Largest mass this body can have [kg].
         most: f64,
     },
+    /// A character that our body cannot be made to resemble.
+    #[error("the character is no body: {0}")]
+    NoBody(&'static str),
     /// A skeleton has no joint that plays a needed part.
     #[error(
         "the skeleton has no joint for the {missing}; {names}; name them as CMU, MakeHuman, Mixamo or Poser do"

@@ -13,8 +13,7 @@ use muslin_model::{Model, ModelError};
 
 use crate::dress::{asked_figure, file_failure};
 use crate::failure::{Exit, Failure};
-use crate::figure::body_failure;
-use crate::hero::{Hero, body_note};
+use crate::hero::{Hero, avatar_of, body_note};
 use crate::options::{DressOptions, Wear};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
@@ -55,8 +54,7 @@ pub fn animate(
 ) -> Result<Outcome, Failure> {
     options.check(out)?;
     let hero = Hero::load(&options.simulate.dress)?;
-    let own = Avatar::embedded().map_err(|e| body_failure(&e))?;
-    let avatar = hero.as_ref().map_or(own, |h| h.twin.avatar.clone());
+    let avatar = avatar_of(hero.as_ref())?;
     let model = match &options.model {
         Some(path) => read_model(path)?,
         None => wardrobe::model(&options.simulate.dress.outfit[0].garment)?,

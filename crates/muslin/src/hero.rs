@@ -121,6 +121,14 @@ impl Hero {
     }
 }
 
+/// Whom motions move and garments are put on: the likeness of the character, or our own body.
+pub(crate) fn avatar_of(hero: Option<&Hero>) -> Result<Avatar, Failure> {
+    match hero {
+        Some(hero) => Ok(hero.twin.avatar.clone()),
+        None => Avatar::embedded().map_err(|e| body_failure(&e)),
+    }
+}
+
 /// What a model says of the body that it was taught on.
 pub(crate) fn body_note(hero: Option<&Hero>) -> String {
     match hero {

@@ -19,8 +19,7 @@ use muslin_io::Journal;
 
 use crate::dress::{asked_figure, file_failure};
 use crate::failure::{Exit, Failure};
-use crate::figure::body_failure;
-use crate::hero::Hero;
+use crate::hero::{Hero, avatar_of};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
 use crate::table::Table;
@@ -54,8 +53,7 @@ pub fn simulate(
     options.check(out)?;
     let folders = Folders::open(out, options)?;
     let hero = Hero::load(&options.dress)?;
-    let own = Avatar::embedded().map_err(|e| body_failure(&e))?;
-    let avatar = hero.as_ref().map_or(own, |h| h.twin.avatar.clone());
+    let avatar = avatar_of(hero.as_ref())?;
     let mut run = Run {
         options,
         watch,

@@ -19,7 +19,7 @@ use muslin_train::{Lesson, Told, Trainer, Training};
 use crate::dress::{asked_figure, asked_shape, file_failure};
 use crate::failure::Failure;
 use crate::figure::body_failure;
-use crate::hero::{Hero, body_note};
+use crate::hero::{Hero, avatar_of, body_note};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
 use crate::simulate::expanded;
@@ -50,8 +50,7 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
     options.check(out)?;
     let options = &options.with_fabric(|w| watch.warn(w));
     let hero = Hero::load(&options.dress)?;
-    let own = Avatar::embedded().map_err(|e| body_failure(&e))?;
-    let avatar = hero.as_ref().map_or(own, |h| h.twin.avatar.clone());
+    let avatar = avatar_of(hero.as_ref())?;
     let mut school = School {
         hero: hero.as_ref(),
         options,

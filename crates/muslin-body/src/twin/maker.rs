@@ -7,7 +7,7 @@ use muslin_geom::{Mesh, Surface, intersecting_pairs, vertex_normals};
 
 use super::likes::{Likes, correspondences, standing};
 use super::warp::Warp;
-use super::wrap::{Cover, Under, pairs};
+use super::wrap::{Cover, LIMBS as LIMBS_AND_TRUNK, Under, pairs};
 use super::{Joints, Twin};
 use crate::avatar::Bound;
 use crate::pose::{blended, skin};
@@ -89,16 +89,16 @@ impl<'a> Maker<'a> {
         let posed = base.pose(&figure, &pose);
         let limb_of = |b: usize| limb(&base.rig().bones[b].name);
         let own = base.rig().weights.rows().map(|row| {
-            let mut share = [0.0; 5];
+            let mut share = [0.0; LIMBS_AND_TRUNK];
             row.iter().for_each(|w| share[limb_of(w.0 as usize)] += w.1);
-            (0..5).find(|l| share[*l] > 0.95)
+            (0..LIMBS_AND_TRUNK).find(|l| share[*l] > 0.95)
         });
         let theirs = character.weights.rows().map(|row| {
-            let mut share = [0.0; 5];
+            let mut share = [0.0; LIMBS_AND_TRUNK];
             for w in row {
                 share[joints.follows[w.0 as usize].map_or(0, limb_of)] += w.1;
             }
-            (0..5)
+            (0..LIMBS_AND_TRUNK)
                 .max_by(|a, b| share[*a].total_cmp(&share[*b]))
                 .unwrap_or(0)
         });
@@ -116,7 +116,8 @@ impl<'a> Maker<'a> {
                 limb: &theirs,
             };
             let (from, to) = correspondences(&ours, &theirs);
-            Warp::new(&from, &to).ok_or(BodyError::Corrupt("joints in one plane"))?
+            Warp::new(&from, &to)
+                .ok_or(BodyError::NoBody("its joints and skin lie in one plane"))?
         };
         Ok(Maker {
             base,
@@ -133,8 +134,8 @@ impl<'a> Maker<'a> {
 
     pub fn make(&self, whole: &Character) -> Result<Twin, BodyError> {
         let base = self.base;
-        let skin_range = base.part(Part::Body);
-        let mut drawn: Vec<DVec3> = self.posed.verts[skin_range.clone()]
+        let body = base.part(Part::Body);
+        let mut drawn: Vec<DVec3> = self.posed.verts[body.clone()]
             .iter()
             .map(|p| self.warp.at(*p))
             .collect();
@@ -143,7 +144,7 @@ impl<'a> Maker<'a> {
             faces: base.collision_faces(),
             edges,
             pull,
-            limb: self.own[skin_range.clone()].to_vec(),
+            limb: self.own[body].to_vec(),
         };
         let bare = self.bare();
         let under = Under {
@@ -159,14 +160,7 @@ impl<'a> Maker<'a> {
         let weights = self.weights(&drawn, &cover.edges);
         let rest = self.rest(&drawn, (&unbind, &weights));
         let uncovered = uncovered(&drawn, base.collision_faces(), &under);
-        let theirs = Surface::new(under.verts, under.faces);
-        let drawn_over = (0..drawn.len()).filter(|i| cover.pull[*i] > 0.0);
-        let (mut all, mut unmet) = (0.0, 0.0);
-        for i in drawn_over {
-            all += 1.0;
-            let met = theirs.closest(drawn[i], MET * under.height).is_some();
-            unmet += f64::from(u8::from(!met));
-        }
+        let unmet = unmet((&drawn, &cover.pull), &under);
         let own = Surface::new(&drawn, base.collision_faces());
         let on_skin = whole.verts.iter().map(|p| {
             let hit = own.closest(*p, NEAR)?;
@@ -177,7 +171,7 @@ impl<'a> Maker<'a> {
             avatar,
             follows: self.joints.follows.clone(),
             uncovered,
-            unmet: unmet / f64::max(all, 1.0),
+            unmet,
             on_skin: on_skin.collect(),
             bound,
             joints: whole.bound.clone(),
@@ -296,7 +290,7 @@ impl<'a> Maker<'a> {
     fn weights(&self, drawn: &[DVec3], edges: &[([u32; 2], f64)]) -> Sparse {
         let (base, c) = (self.base, self.character);
         let bones = &base.rig().bones;
-        let surfaces: Vec<Surface> = (0..5)
+        let surfaces: Vec<Surface> = (0..LIMBS_AND_TRUNK)
             .map(|l| {
                 let faces = c.faces.iter();
                 let own = faces.filter(|f| f.iter().any(|v| self.theirs[*v as usize] == l));
@@ -505,6 +499,14 @@ fn summed(row: impl Iterator<Item = (u32, f64)>) -> Vec<(u32, f64)> {
     sums.truncate(8);
     let total: f64 = sums.iter().map(|s| s.1).sum();
     sums.into_iter().map(|(b, w)| (b, w / total)).collect()
+}
+
+/// Share of our skin, as far as it is pulled, that finds none of the character's near.
+fn unmet((drawn, pull): (&[DVec3], &[f64]), under: &Under) -> f64 {
+    let theirs = Surface::new(under.verts, under.faces);
+    let pulled = || drawn.iter().zip(pull).filter(|p| *p.1 > 0.0);
+    let far = |p: &(&DVec3, &f64)| theirs.closest(*p.0, MET * under.height).is_none();
+    pulled().filter(far).count() as f64 / pulled().count().max(1) as f64
 }
 
 /// Share of what is to be covered that is seen outside the skin all the same.
