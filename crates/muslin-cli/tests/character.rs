@@ -91,6 +91,50 @@ fn a_character_wears_a_tee_in_its_own_animation_and_keeps_its_skeleton() {
     assert!(off < 1e-4, "{off}");
 }
 
+/// The same file with another JSON.
+fn with_json(bytes: &[u8], change: impl Fn(&str) -> String) -> Vec<u8> {
+    let word =
+        |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().expect("four bytes")) as usize;
+    let (old, rest) = (&bytes[20..20 + word(12)], &bytes[20 + word(12)..]);
+    let mut json = change(std::str::from_utf8(old).expect("text")).into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let total = (20 + json.len() + rest.len()) as u32;
+    let mut out = [&bytes[..8], &total.to_le_bytes()].concat();
+    out.extend((json.len() as u32).to_le_bytes());
+    out.extend(b"JSON");
+    [out, json, rest.to_vec()].concat()
+}
+
+#[test]
+fn a_file_without_scenes_and_with_notes_of_its_own_is_dressed_as_well() {
+    let folder = Folder::new("odd-hero");
+    let bytes = std::fs::read(character(&folder)).expect("written");
+    let odd = with_json(&bytes, |json| {
+        let text = json
+            .replace("\"scenes\":", "\"scenery\":")
+            .replace("\"generator\":", "\"extras\":");
+        assert_ne!(text, json);
+        text
+    });
+    let (hero, out) = (folder.put("odd.glb", &odd), folder.at("dressed.glb"));
+    let done = muslin(&[
+        "simulate",
+        "--body",
+        &hero,
+        "--edge",
+        "25",
+        "--fps",
+        "30",
+        "--seconds",
+        "0.1",
+        "-o",
+        &out,
+    ]);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let clip = read_clip(Path::new(&out)).expect("it can be read");
+    assert_eq!(clip.garments().len(), 1);
+}
+
 #[test]
 fn what_cannot_be_dressed_is_refused_in_words() {
     let folder = Folder::new("no-hero");

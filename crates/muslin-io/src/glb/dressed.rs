@@ -92,9 +92,10 @@ impl Film {
                 .collect();
             let (scale, turn, place) = parts[0];
             let slot = &mut self.root.nodes[*node];
-            if let Some(map) = slot.as_object_mut() {
-                map.remove("matrix");
-            }
+            let Some(map) = slot.as_object_mut() else {
+                continue;
+            };
+            map.remove("matrix");
             slot["scale"] = json!(scale.as_vec3().to_array());
             slot["rotation"] = json!(turn.as_quat().to_array());
             slot["translation"] = json!(place.as_vec3().to_array());
@@ -201,29 +202,29 @@ fn kept(glb: &Glb) -> Result<(Value, Bin), IoError> {
             *value = new.into();
         }
     };
-    for mesh in json["meshes"].as_array_mut().into_iter().flatten() {
-        for part in mesh["primitives"].as_array_mut().into_iter().flatten() {
-            let map = part["attributes"].as_object_mut();
-            map.into_iter().flatten().for_each(|(_, v)| keep(v));
-            if !part["indices"].is_null() {
-                keep(&mut part["indices"]);
-            }
-            for target in part
-                .get_mut("targets")
-                .and_then(Value::as_array_mut)
-                .into_iter()
-                .flatten()
-            {
-                let map = target.as_object_mut();
-                map.into_iter().flatten().for_each(|(_, v)| keep(v));
-            }
+    fn each<'v>(value: &'v mut Value, key: &str) -> impl Iterator<Item = &'v mut Value> {
+        let list = value.get_mut(key).and_then(Value::as_array_mut);
+        list.into_iter().flatten()
+    }
+    let mut all = |map: Option<&mut Value>| {
+        let map = map.and_then(Value::as_object_mut);
+        map.into_iter().flatten().for_each(|(_, v)| keep(v));
+    };
+    for mesh in each(&mut json, "meshes") {
+        for part in each(mesh, "primitives") {
+            all(part.get_mut("attributes"));
+            each(part, "targets").for_each(|target| all(Some(target)));
         }
     }
-    for skin in json["skins"].as_array_mut().into_iter().flatten() {
-        if let Some(index) = skin.get_mut("inverseBindMatrices") {
-            keep(index);
-        }
+    for mesh in each(&mut json, "meshes") {
+        each(mesh, "primitives")
+            .filter_map(|p| p.get_mut("indices"))
+            .for_each(&mut keep);
     }
+    let skins = each(&mut json, "skins");
+    skins
+        .filter_map(|s| s.get_mut("inverseBindMatrices"))
+        .for_each(&mut keep);
     json["accessors"] = accessors.into();
     let mut bin = Bin::default();
     let mut views = BTreeMap::new();

@@ -45,6 +45,9 @@ impl Root {
             let new: Vec<Value> = new.filter(|n| !list.contains(n)).collect();
             base[key] = list.into_iter().chain(new).collect();
         }
+        if !base["asset"].is_object() {
+            base["asset"] = json!({ "version": "2.0" });
+        }
         base["asset"]["generator"] = concat!("Muslin ", env!("CARGO_PKG_VERSION")).into();
         base["nodes"] = self.nodes.into();
         base["meshes"] = self.meshes.into();

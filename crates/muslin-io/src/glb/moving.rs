@@ -444,11 +444,23 @@ impl Film {
     pub fn into_glb(self, base: Value, (name, own): (&str, usize)) -> Result<Vec<u8>, IoError> {
         let wrapper = self.root.nodes.len() - 1;
         let mut json = self.root.over_finish(base, &self.bin);
+        if !json["asset"]["extras"].is_object() {
+            json["asset"]["extras"] = json!({});
+        }
         json["asset"]["extras"]["muslin"] = json!({ "character_nodes": own, "wrapper": wrapper });
         let scene = super::buffer::int(&json["scene"]).unwrap_or(0);
-        match json["scenes"][scene]["nodes"].as_array_mut() {
+        let shown = json.pointer_mut(&format!("/scenes/{scene}/nodes"));
+        match shown.and_then(Value::as_array_mut) {
             Some(nodes) => nodes.push(wrapper.into()),
-            None => json["scenes"] = json!([{ "nodes": [wrapper] }]),
+            None => {
+                let nodes = json["nodes"].as_array().map_or(&[][..], Vec::as_slice);
+                let children = nodes.iter().filter_map(|n| n["children"].as_array());
+                let below: Vec<&Value> = children.flatten().collect();
+                let tops = (0..nodes.len()).filter(|i| !below.contains(&&Value::from(*i)));
+                let tops: Vec<usize> = tops.collect();
+                json["scenes"] = json!([{ "nodes": tops }]);
+                json["scene"] = 0.into();
+            }
         }
         if !self.channels.is_empty() {
             json["animations"] =
