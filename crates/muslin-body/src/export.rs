@@ -4,6 +4,7 @@
 //! into the nearest bone above them, and every vertex's four strongest influences kept. A
 //! kept bone moves exactly as in the full rig, so a pose needs no conversion.
 
+use crate::sparse::strongest;
 use crate::{Avatar, Bone, Rig, Sparse};
 
 /// A rig cut down for export.
@@ -58,9 +59,8 @@ impl Avatar {
         let bones = source.iter().map(renamed).collect();
         let mut weights = Sparse::new();
         for row in full.weights.rows() {
-            weights.push(strongest(
-                row.iter().map(|&(b, w)| (kept(b as usize) as u32, w)),
-            ));
+            let named = row.iter().map(|&(b, w)| (kept(b as usize) as u32, w));
+            weights.push(strongest(named, INFLUENCES));
         }
         ExportRig {
             rig: Rig { bones, weights },
@@ -73,21 +73,6 @@ fn is_kept(bone: &Bone) -> bool {
     bone.parent.is_none() || !FOLDED.iter().any(|f| bone.name.starts_with(f))
 }
 
-/// The strongest influences, equal bones added up, made to sum to one.
-fn strongest(row: impl Iterator<Item = (u32, f64)>) -> Vec<(u32, f64)> {
-    let mut sums: Vec<(u32, f64)> = Vec::new();
-    for (b, w) in row {
-        match sums.iter_mut().find(|s| s.0 == b) {
-            Some(s) => s.1 += w,
-            None => sums.push((b, w)),
-        }
-    }
-    sums.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    sums.truncate(INFLUENCES);
-    let total: f64 = sums.iter().map(|s| s.1).sum();
-    sums.into_iter().map(|(b, w)| (b, w / total)).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -95,7 +80,7 @@ mod tests {
     #[test]
     fn folded_influences_add_up_and_the_weakest_goes() {
         let row = [(0, 0.1), (1, 0.3), (2, 0.25), (3, 0.05), (4, 0.2), (0, 0.1)];
-        let kept = strongest(row.into_iter());
+        let kept = strongest(row.into_iter(), INFLUENCES);
         let bones: Vec<u32> = kept.iter().map(|k| k.0).collect();
         assert_eq!(bones, [1, 2, 0, 4]);
         assert!((kept.iter().map(|k| k.1).sum::<f64>() - 1.0).abs() < 1e-12);

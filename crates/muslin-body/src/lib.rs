@@ -53,7 +53,7 @@ pub use figure::Figure;
 pub use keypoints::{BODY25, COCO17, Keypoint, Keypoints, Layout, REGRESSED};
 pub use measure::{DENSITY, Measures};
 pub use motion::Motion;
-pub use pose::{Pose, Posed};
+pub use pose::{Pose, Posed, blended};
 pub use rig::{Bone, Rig};
 pub use room::Limbs;
 pub use shape::{PHENOTYPES, Shape};

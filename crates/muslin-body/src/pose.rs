@@ -104,8 +104,8 @@ pub(crate) fn world_from_rest(rig: &Rig, figure: &Figure, pose: &Pose) -> Vec<DA
     world.into_iter().enumerate().map(back).collect()
 }
 
-/// `Σ w_b A_b`.
-pub(crate) fn blended(row: &[(u32, f64)], bones: &[DAffine3]) -> DAffine3 {
+/// The blend of bones that moves a vertex, `Σ w_b A_b`; `row` holds bones and their weights.
+pub fn blended(row: &[(u32, f64)], bones: &[DAffine3]) -> DAffine3 {
     let mut sum = DAffine3 {
         matrix3: DMat3::ZERO,
         translation: DVec3::ZERO,

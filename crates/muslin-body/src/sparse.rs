@@ -1,5 +1,20 @@
 //! Rows of a few weighted indices each.
 
+/// The `most` strongest of a row's (column, weight) pairs, equal columns added up, made to sum to one.
+pub(crate) fn strongest(row: impl Iterator<Item = (u32, f64)>, most: usize) -> Vec<(u32, f64)> {
+    let mut sums: Vec<(u32, f64)> = Vec::new();
+    for (b, w) in row {
+        match sums.iter_mut().find(|s| s.0 == b) {
+            Some(s) => s.1 += w,
+            None => sums.push((b, w)),
+        }
+    }
+    sums.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    sums.truncate(most);
+    let total: f64 = sums.iter().map(|s| s.1).sum();
+    sums.into_iter().map(|(b, w)| (b, w / total)).collect()
+}
+
 /// A sparse matrix by rows: which columns, and how much of each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sparse {

@@ -7,23 +7,17 @@ use std::path::Path;
 use common::{Folder, errors, muslin};
 use muslin_io::{read_character, read_clip};
 
+/// Runs `muslin simulate` on coarse cloth, which must do.
+fn simulated(options: &str) {
+    let all = format!("simulate --edge 25 --fps 30 {options}");
+    let done = muslin(&all.split(' ').collect::<Vec<_>>());
+    assert_eq!(done.status.code(), Some(0), "{all}: {}", errors(&done));
+}
+
 /// A short animation, whose body serves as a character: a skin on bones.
 fn character(folder: &Folder) -> String {
     let out = folder.at("hero.glb");
-    let done = muslin(&[
-        "simulate",
-        "--motion",
-        "wave",
-        "--edge",
-        "25",
-        "--fps",
-        "30",
-        "--seconds",
-        "0.2",
-        "-o",
-        &out,
-    ]);
-    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    simulated(&format!("--motion wave --seconds 0.2 -o {out}"));
     out
 }
 
@@ -32,25 +26,9 @@ fn a_character_wears_a_tee_in_its_own_animation_and_keeps_its_skeleton() {
     let folder = Folder::new("hero");
     let hero = character(&folder);
     let (out, npz) = (folder.at("dressed.glb"), folder.at("dressed.npz"));
-    let args = [
-        "simulate",
-        "--body",
-        &hero,
-        "--motion",
-        "simulation",
-        "--edge",
-        "25",
-        "--fps",
-        "30",
-        "--seconds",
-        "0.2",
-        "--npz",
-        &npz,
-        "-o",
-        &out,
-    ];
-    let done = muslin(&args);
-    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    simulated(&format!(
+        "--body {hero} --motion simulation --seconds 0.2 --npz {npz} -o {out}"
+    ));
     let report = std::fs::read_to_string(folder.at("dressed.report.json")).expect("written");
     for figure in [
         "\"uncovered_percent\"",
@@ -117,20 +95,7 @@ fn a_file_without_scenes_and_with_notes_of_its_own_is_dressed_as_well() {
         text
     });
     let (hero, out) = (folder.put("odd.glb", &odd), folder.at("dressed.glb"));
-    let done = muslin(&[
-        "simulate",
-        "--body",
-        &hero,
-        "--edge",
-        "25",
-        "--fps",
-        "30",
-        "--seconds",
-        "0.1",
-        "-o",
-        &out,
-    ]);
-    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    simulated(&format!("--body {hero} --seconds 0.1 -o {out}"));
     let clip = read_clip(Path::new(&out)).expect("it can be read");
     assert_eq!(clip.garments().len(), 1);
 }

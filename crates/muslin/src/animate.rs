@@ -11,9 +11,9 @@ use muslin_geom::{Report, Value};
 use muslin_io::{read_file, read_weights};
 use muslin_model::{Model, ModelError};
 
-use crate::dress::{asked_figure, file_failure};
+use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
-use crate::hero::{Hero, avatar_of, body_note};
+use crate::hero::{Hero, Standing, avatar_of, body_note, standing};
 use crate::options::{DressOptions, Wear};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
@@ -211,11 +211,13 @@ impl<'a> Theatre<'a, '_> {
     where
         'a: 's,
     {
-        let (figure, mut report, told) = asked_figure(avatar, &simulate.dress)?;
-        if let Some(hero) = self.hero {
-            hero.report(&mut report);
-            self.warn(hero.warnings());
-        }
+        let Standing {
+            figure,
+            report,
+            told,
+            warnings,
+        } = standing(avatar, self.hero, &simulate.dress)?;
+        self.warn(warnings);
         self.report.set("body", report);
         self.done(1, "body", told)?;
         let mut moving = motion::load((avatar, self.hero), &figure, simulate)?;

@@ -1,11 +1,11 @@
 //! Who wears it: our own body, or a character that our body is made to resemble.
 
 use glam::DAffine3;
-use muslin_body::{Avatar, Character, Motion, Shape, Twin};
+use muslin_body::{Avatar, Character, Figure, Motion, Shape, Twin};
 use muslin_geom::Report;
 use muslin_io::{CharacterFile, read_character};
 
-use crate::dress::file_failure;
+use crate::dress::{asked_figure, file_failure};
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
 use crate::options::DressOptions;
@@ -89,7 +89,7 @@ impl Hero {
     }
 
     /// What the report says of it.
-    pub fn report(&self, r: &mut Report) {
+    fn report(&self, r: &mut Report) {
         r.set("file", self.file.file.as_str());
         r.set("sha256", self.file.sha256.as_str());
         r.set("scale", self.ours_from_file.matrix3.determinant().cbrt());
@@ -101,7 +101,7 @@ impl Hero {
     }
 
     /// What the user should know.
-    pub fn warnings(&self) -> Vec<String> {
+    fn warnings(&self) -> Vec<String> {
         let mut all = Vec::new();
         let scale = self.ours_from_file.matrix3.determinant().cbrt();
         if (scale - 1.0).abs() > 1e-6 {
@@ -127,6 +127,33 @@ pub(crate) fn avatar_of(hero: Option<&Hero>) -> Result<Avatar, Failure> {
         Some(hero) => Ok(hero.twin.avatar.clone()),
         None => Avatar::embedded().map_err(|e| body_failure(&e)),
     }
+}
+
+/// Somebody at rest, and what is to be told of them.
+pub(crate) struct Standing {
+    pub figure: Figure,
+    pub report: Report,
+    /// The line for the user.
+    pub told: String,
+    pub warnings: Vec<String>,
+}
+
+/// The body that was asked for, or the character's likeness, at rest.
+pub(crate) fn standing(
+    avatar: &Avatar,
+    hero: Option<&Hero>,
+    options: &DressOptions,
+) -> Result<Standing, Failure> {
+    let (figure, mut report, told) = asked_figure(avatar, options)?;
+    if let Some(hero) = hero {
+        hero.report(&mut report);
+    }
+    Ok(Standing {
+        figure,
+        report,
+        told,
+        warnings: hero.map_or_else(Vec::new, Hero::warnings),
+    })
 }
 
 /// What a model says of the body that it was taught on.

@@ -17,9 +17,9 @@ use muslin_body::{Avatar, Figure};
 use muslin_geom::{Report, Value};
 use muslin_io::Journal;
 
-use crate::dress::{asked_figure, file_failure};
+use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
-use crate::hero::{Hero, avatar_of};
+use crate::hero::{Hero, avatar_of, standing};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
 use crate::table::Table;
@@ -88,14 +88,11 @@ impl Run<'_, '_> {
     }
 
     fn body(&mut self, avatar: &Avatar, hero: Option<&Hero>) -> Result<Figure, Failure> {
-        let (figure, mut report, told) = asked_figure(avatar, &self.options.dress)?;
-        if let Some(hero) = hero {
-            hero.report(&mut report);
-            self.warn(hero.warnings());
-        }
-        self.report.set("body", report);
-        self.done(1, "body", told)?;
-        Ok(figure)
+        let stands = standing(avatar, hero, &self.options.dress)?;
+        self.warn(stands.warnings);
+        self.report.set("body", stands.report);
+        self.done(1, "body", stands.told)?;
+        Ok(stands.figure)
     }
 
     fn motion(

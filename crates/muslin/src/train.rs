@@ -16,10 +16,10 @@ use muslin_io::{Journal, report_json, write_file, write_weights};
 use muslin_train::published::{Course, Published, System};
 use muslin_train::{Lesson, Told, Trainer, Training};
 
-use crate::dress::{asked_figure, asked_shape, file_failure};
+use crate::dress::{asked_shape, file_failure};
 use crate::failure::Failure;
 use crate::figure::body_failure;
-use crate::hero::{Hero, avatar_of, body_note};
+use crate::hero::{Hero, avatar_of, body_note, standing};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
 use crate::simulate::expanded;
@@ -80,14 +80,11 @@ impl School<'_, '_> {
     }
 
     fn body(&mut self, avatar: &Avatar) -> Result<Figure, Failure> {
-        let (figure, mut report, told) = asked_figure(avatar, &self.options.dress)?;
-        if let Some(hero) = self.hero {
-            hero.report(&mut report);
-            hero.warnings().iter().for_each(|w| self.watch.warn(w));
-        }
-        self.report.set("body", report);
-        self.done(1, "body", told)?;
-        Ok(figure)
+        let stands = standing(avatar, self.hero, &self.options.dress)?;
+        stands.warnings.iter().for_each(|w| self.watch.warn(w));
+        self.report.set("body", stands.report);
+        self.done(1, "body", stands.told)?;
+        Ok(stands.figure)
     }
 
     /// The motions to learn from, and what they come from.

@@ -7,11 +7,12 @@ use muslin_geom::{Mesh, Surface, intersecting_pairs, vertex_normals};
 
 use super::likes::{Likes, correspondences, standing};
 use super::warp::Warp;
-use super::wrap::{Cover, LIMBS as LIMBS_AND_TRUNK, Under, pairs};
+use super::wrap::{Cover, SIDES, Sides, Under, neighbours, pairs};
 use super::{Joints, Twin};
 use crate::avatar::Bound;
 use crate::pose::{blended, skin};
 use crate::retarget::{Memory, Stance, Target};
+use crate::sparse::strongest;
 use crate::{Avatar, Blend, BodyError, Character, Figure, Part, Pose, Posed, Shape, Sparse};
 
 /// Limbs that are told apart: arms, then legs, left before right; 0 is the rest.
@@ -27,6 +28,8 @@ const LIMBS: [(&[&str], &str); 4] = [
     (&["upperleg", "lowerleg", "foot", "toe"], ".L"),
     (&["upperleg", "lowerleg", "foot", "toe"], ".R"),
 ];
+/// Bones that move a vertex of our skin at most.
+const INFLUENCES: usize = 8;
 /// How far the nearest skin is looked for [m].
 const FAR: f64 = 1.0;
 /// A vertex of the character that lies within this of our skin goes with it [m].
@@ -89,16 +92,16 @@ impl<'a> Maker<'a> {
         let posed = base.pose(&figure, &pose);
         let limb_of = |b: usize| limb(&base.rig().bones[b].name);
         let own = base.rig().weights.rows().map(|row| {
-            let mut share = [0.0; LIMBS_AND_TRUNK];
+            let mut share = [0.0; SIDES];
             row.iter().for_each(|w| share[limb_of(w.0 as usize)] += w.1);
-            (0..LIMBS_AND_TRUNK).find(|l| share[*l] > 0.95)
+            (0..SIDES).find(|l| share[*l] > 0.95)
         });
         let theirs = character.weights.rows().map(|row| {
-            let mut share = [0.0; LIMBS_AND_TRUNK];
+            let mut share = [0.0; SIDES];
             for w in row {
                 share[joints.follows[w.0 as usize].map_or(0, limb_of)] += w.1;
             }
-            (0..LIMBS_AND_TRUNK)
+            (0..SIDES)
                 .max_by(|a, b| share[*a].total_cmp(&share[*b]))
                 .unwrap_or(0)
         });
@@ -290,14 +293,7 @@ impl<'a> Maker<'a> {
     fn weights(&self, drawn: &[DVec3], edges: &[([u32; 2], f64)]) -> Sparse {
         let (base, c) = (self.base, self.character);
         let bones = &base.rig().bones;
-        let surfaces: Vec<Surface> = (0..LIMBS_AND_TRUNK)
-            .map(|l| {
-                let faces = c.faces.iter();
-                let own = faces.filter(|f| f.iter().any(|v| self.theirs[*v as usize] == l));
-                Surface::new(&c.verts, &own.copied().collect::<Vec<_>>())
-            })
-            .collect();
-        let whole = Surface::new(&c.verts, &c.faces);
+        let sides = Sides::new(&c.verts, &c.faces, &self.theirs);
         let below = |i: usize| -> Vec<(u32, f64)> {
             let own = base.rig().weights.row(i);
             let hand: f64 = (own.iter())
@@ -318,7 +314,7 @@ impl<'a> Maker<'a> {
             {
                 return vec![(b as u32, 1.0)];
             }
-            let surface = self.own[i].map_or(&whole, |l| &surfaces[l]);
+            let surface = sides.of(self.own[i]);
             let Some(hit) = surface.closest(drawn[i], FAR) else {
                 return own.to_vec();
             };
@@ -332,14 +328,10 @@ impl<'a> Maker<'a> {
                     )
                 })
             });
-            summed(rows)
+            strongest(rows, INFLUENCES)
         };
         let mut rows: Vec<Vec<(u32, f64)>> = (0..drawn.len()).map(below).collect();
-        let mut near = vec![Vec::new(); drawn.len()];
-        for ([a, b], _) in edges {
-            near[*a as usize].push(*b as usize);
-            near[*b as usize].push(*a as usize);
-        }
+        let near = neighbours(drawn.len(), edges);
         for _ in 0..2 {
             let mixed = |i: usize| {
                 let share = 0.5 / near[i].len().max(1) as f64;
@@ -347,7 +339,7 @@ impl<'a> Maker<'a> {
                     .iter()
                     .flat_map(|j| rows[*j].iter().map(|w| (w.0, w.1 * share)));
                 let own = rows[i].iter().map(|w| (w.0, w.1 * 0.5));
-                summed(own.chain(others))
+                strongest(own.chain(others), INFLUENCES)
             };
             rows = (0..rows.len()).map(mixed).collect();
         }
@@ -484,21 +476,6 @@ fn limb(bone: &str) -> usize {
         bone.ends_with(side) && names.iter().any(|n| bone.starts_with(n))
     };
     LIMBS.iter().position(is).map_or(0, |l| l + 1)
-}
-
-/// Equal columns added up, the weakest left out, and made to sum to one.
-fn summed(row: impl Iterator<Item = (u32, f64)>) -> Vec<(u32, f64)> {
-    let mut sums: Vec<(u32, f64)> = Vec::new();
-    for (b, w) in row {
-        match sums.iter_mut().find(|s| s.0 == b) {
-            Some(s) => s.1 += w,
-            None => sums.push((b, w)),
-        }
-    }
-    sums.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    sums.truncate(8);
-    let total: f64 = sums.iter().map(|s| s.1).sum();
-    sums.into_iter().map(|(b, w)| (b, w / total)).collect()
 }
 
 /// Share of our skin, as far as it is pulled, that finds none of the character's near.

@@ -43,7 +43,7 @@ const STEPS: usize = 200;
 const ENOUGH: f64 = 1e-4;
 
 /// Limbs that are told apart, the trunk among them.
-pub(crate) const LIMBS: usize = 5;
+pub(crate) const SIDES: usize = 5;
 
 /// Our skin, and how its places are to be treated.
 pub(crate) struct Cover<'a> {
@@ -68,24 +68,54 @@ pub(crate) struct Under<'a> {
     pub height: f64,
 }
 
+/// A skin as a whole, and limb by limb.
+pub(crate) struct Sides {
+    whole: Surface,
+    of_limb: Vec<Surface>,
+}
+
+impl Sides {
+    /// `limb` says which limb each vertex is of; a triangle is of every limb that one of its corners is of.
+    pub fn new(verts: &[DVec3], faces: &[[u32; 3]], limb: &[usize]) -> Self {
+        let of = |l| {
+            let own = faces
+                .iter()
+                .filter(|f| f.iter().any(|v| limb[*v as usize] == l));
+            Surface::new(verts, &own.copied().collect::<Vec<_>>())
+        };
+        Self {
+            whole: Surface::new(verts, faces),
+            of_limb: (0..SIDES).map(of).collect(),
+        }
+    }
+
+    /// The skin of a limb; all of it where no limb is named.
+    pub fn of(&self, limb: Option<usize>) -> &Surface {
+        limb.map_or(&self.whole, |l| &self.of_limb[l])
+    }
+}
+
+/// The neighbours of each of `n` vertices.
+pub(crate) fn neighbours(n: usize, edges: &[([u32; 2], f64)]) -> Vec<Vec<usize>> {
+    let mut near = vec![Vec::new(); n];
+    for ([a, b], _) in edges {
+        near[*a as usize].push(*b as usize);
+        near[*b as usize].push(*a as usize);
+    }
+    near
+}
+
 impl Cover<'_> {
     /// Draws the skin at `x` [m] over the other.
     pub fn draw_over(&self, under: &Under, x: &mut [DVec3]) {
-        let whole = Surface::new(under.verts, under.faces);
-        let of_limb: Vec<Surface> = (0..LIMBS)
-            .map(|l| {
-                let faces = under.faces.iter();
-                let own = faces.filter(|f| f.iter().any(|v| under.limb[*v as usize] == l));
-                Surface::new(under.verts, &own.copied().collect::<Vec<_>>())
-            })
-            .collect();
+        let sides = Sides::new(under.verts, under.faces, under.limb);
         for (stiff, far) in ROUNDS {
             let normals = vertex_normals(x, self.faces);
             let pulled = (0..x.len()).into_par_iter().map(|i| {
                 if self.pull[i] == 0.0 {
                     return (0.0, DVec3::ZERO);
                 }
-                let surface = self.limb[i].map_or(&whole, |l| &of_limb[l]);
+                let surface = sides.of(self.limb[i]);
                 match surface.closest(x[i], far * under.height) {
                     Some(hit) if hit.normal.dot(normals[i]) > ALIKE => {
                         (self.pull[i], hit.point + hit.normal * MARGIN - x[i])
@@ -141,11 +171,7 @@ impl Cover<'_> {
 
     /// Evens out places where the skin passes through itself, as over the edge of a cuff.
     fn unfold(&self, x: &mut [DVec3]) {
-        let mut near = vec![Vec::new(); x.len()];
-        for ([a, b], _) in &self.edges {
-            near[*a as usize].push(*b as usize);
-            near[*b as usize].push(*a as usize);
-        }
+        let near = neighbours(x.len(), &self.edges);
         for _ in 0..UNFOLDS {
             let mesh = Mesh {
                 verts: x.to_vec(),

@@ -7,13 +7,14 @@
 use std::collections::BTreeMap;
 
 use glam::{DAffine3, DQuat, DVec3};
+use muslin_body::blended;
 use serde_json::{Value, json};
 
 use super::bin::Bin;
 use super::buffer::{Glb, int};
 use super::character::{CharacterFile, Piece};
 use super::json::Root;
-use super::moving::{EXACT, Film, Moved, blended, same_way};
+use super::moving::{EXACT, Film, Moved, same_way};
 use super::play::Stage;
 use crate::clip::Clip;
 use crate::error::IoError;

@@ -8,8 +8,8 @@
 //! The body is skinned with four bones a vertex at most. Where the given frames differ from that,
 //! as where flesh gave way to cloth, sparse targets carry the difference.
 
-use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
-use muslin_body::Rig;
+use glam::{DAffine3, DQuat, DVec3, DVec4};
+use muslin_body::{Rig, blended};
 use serde_json::{Value, json};
 
 use super::bin::Bin;
@@ -588,17 +588,4 @@ fn shares(row: &[(u32, f64)]) -> [f32; 4] {
     let rest = w[1] + w[2] + w[3];
     w[0] = 1.0 - rest;
     w
-}
-
-/// The blend of bones that moves a vertex.
-pub(super) fn blended(row: &[(u32, f64)], bones: &[DAffine3]) -> DAffine3 {
-    let mut sum = DAffine3 {
-        matrix3: DMat3::ZERO,
-        translation: DVec3::ZERO,
-    };
-    for &(b, w) in row {
-        sum.matrix3 += bones[b as usize].matrix3 * w;
-        sum.translation += bones[b as usize].translation * w;
-    }
-    sum
 }

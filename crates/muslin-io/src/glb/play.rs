@@ -6,11 +6,11 @@
 use std::collections::HashMap;
 
 use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3, DVec4};
+use muslin_body::blended;
 use muslin_geom::{Drape, Part};
 use serde_json::Value;
 
 use super::buffer::{Glb, int};
-use super::moving::blended;
 use crate::clip::Clip;
 use crate::error::IoError;
 
