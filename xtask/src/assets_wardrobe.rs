@@ -9,7 +9,7 @@ use std::process::Command;
 use crate::Outcome;
 
 /// Garments that are taught.
-const NAMES: [&str; 2] = ["tee", "skirt"];
+const NAMES: [&str; 4] = ["tee", "trousers", "skirt", "dress"];
 /// What they learn from: the built-in motions, but for the cartwheel.
 const MOTIONS: [&str; 9] = [
     "walk", "run", "turn", "wave", "squat", "arms-up", "sit", "spin", "dance",
@@ -18,8 +18,10 @@ const MOTIONS: [&str; 9] = [
 const RECORDINGS: [&str; 9] = [
     "07_01", "55_01", "91_48", "91_49", "91_50", "91_51", "91_52", "91_53", "91_54",
 ];
-/// How long, and of how many poses, shown and mixed.
-const HOW: [&str; 6] = ["--steps", "3000", "--poses", "600", "--mixed", "1000"];
+/// For whom, how long, and of how many poses, shown and mixed.
+const HOW: [&str; 10] = [
+    "--fabric", "any", "--shape", "any", "--steps", "3000", "--poses", "600", "--mixed", "1400",
+];
 
 /// The recordings in a folder.
 fn recordings(folder: &Path) -> Result<Vec<PathBuf>, String> {

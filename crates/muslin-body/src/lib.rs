@@ -56,6 +56,6 @@ pub use motion::Motion;
 pub use pose::{Pose, Posed, blended};
 pub use rig::{Bone, Rig};
 pub use room::Limbs;
-pub use shape::{PHENOTYPES, Shape};
+pub use shape::{ADULT, PHENOTYPES, Shape};
 pub use sparse::Sparse;
 pub use twin::Twin;

@@ -417,3 +417,15 @@ fn damage_anywhere_is_an_error() {
         );
     }
 }
+
+#[test]
+fn gender_runs_from_male_to_female() {
+    let of = |gender: f64| {
+        let shape = Shape::default().with("gender", gender).expect("a share");
+        let figure = AVATAR.figure(&shape).expect("an adult");
+        AVATAR.measure(&figure)
+    };
+    let (man, woman) = (of(0.0), of(1.0));
+    assert!(man.height > woman.height && man.shoulders > woman.shoulders);
+    assert!(woman.hip / woman.waist > 1.1 * man.hip / man.waist);
+}

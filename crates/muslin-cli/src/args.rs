@@ -107,7 +107,7 @@ pub struct Wearing {
     /// Body weight [kg].
     #[arg(long)]
     pub weight: Option<f64>,
-    /// From 0 (female) to 1 (male) on the body's own scale.
+    /// From 0 (male) to 1 (female) on the body's own scale.
     #[arg(long)]
     pub gender: Option<f64>,
     /// How loosely the garments are cut.
@@ -217,9 +217,12 @@ pub struct Train {
     /// be given several times [default: all built-in motions].
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub motion: Vec<String>,
-    /// Who wears what; one garment.
+    /// Who wears what; one garment. `--fabric any` teaches every fabric: between cloths of our list.
     #[command(flatten)]
     pub wearing: Wearing,
+    /// Whether one body is taught or any adult shape of it.
+    #[arg(long, value_enum, default_value_t = Which::One)]
+    pub shape: Which,
     /// The model, a .muslin file.
     #[arg(short, long, default_value = "tee.muslin")]
     pub out: PathBuf,
@@ -275,7 +278,8 @@ Examples:
 
 OUT.report.json says how good the result is.")]
 pub struct Animate {
-    /// A garment of the wardrobe, trained already: tee or skirt; or GARMENT:FABRIC [default: tee].
+    /// A garment of the wardrobe, trained already: tee, trousers, skirt or dress; or
+    /// GARMENT:FABRIC [default: tee].
     #[arg(long, value_name = "NAME", conflicts_with = "model")]
     pub garment: Option<String>,
     /// A model of your own, as `muslin train` wrote it.
@@ -295,7 +299,7 @@ pub struct Animate {
     /// Its weight [kg].
     #[arg(long)]
     pub weight: Option<f64>,
-    /// From 0 (female) to 1 (male) on the body's own scale.
+    /// From 0 (male) to 1 (female) on the body's own scale.
     #[arg(long)]
     pub gender: Option<f64>,
     /// A built-in motion (see `muslin list motions`) or a file (BVH, or NPZ with poses).
@@ -340,6 +344,18 @@ pub struct Animate {
     #[command(flatten)]
     pub telling: Telling,
 }
+
+/// One of a kind, or any.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Which {
+    /// The one that is named, or the usual one.
+    One,
+    /// Any.
+    Any,
+}
+
+/// The fabric that stands for all.
+const ANY: &str = "any";
 
 /// Names of [`System`].
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -393,6 +409,18 @@ pub struct Bench {
     /// else 9 (some three minutes a model).
     #[arg(long)]
     pub cases: Option<usize>,
+    /// The fabric in the garments figures, where it is another than the models were taught in.
+    #[arg(long)]
+    pub fabric: Option<String>,
+    /// The body's height in the garments figures, where it is another [cm].
+    #[arg(long)]
+    pub height: Option<f64>,
+    /// Its weight [kg].
+    #[arg(long)]
+    pub weight: Option<f64>,
+    /// From 0 (male) to 1 (female) on the body's own scale.
+    #[arg(long)]
+    pub gender: Option<f64>,
     /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this; may be given again.
     #[arg(long)]
     pub only: Vec<String>,
@@ -499,16 +527,39 @@ impl Simulate {
     }
 }
 
+impl Bench {
+    /// The body and the fabric in the garments figures.
+    pub fn worn(&self) -> DressOptions {
+        let mut worn = Wear::parse("");
+        worn.fabric.clone_from(&self.fabric);
+        DressOptions {
+            outfit: vec![worn],
+            height: self.height.map(|cm| cm / 100.0),
+            weight: self.weight,
+            gender: self.gender,
+            ..DressOptions::default()
+        }
+    }
+}
+
 impl Train {
     /// The same in the library's words.
     pub fn options(&self) -> TrainOptions {
         let usual = TrainOptions::default();
+        let mut dress = self.wearing.options(usual.dress);
+        let is_any = |w: &Wear| w.fabric.as_deref() == Some(ANY);
+        let any_fabric = dress.outfit.iter().any(is_any);
+        for worn in dress.outfit.iter_mut().filter(|w| is_any(w)) {
+            worn.fabric = None;
+        }
         TrainOptions {
             system: self.system.map(System::from),
             dress: DressOptions {
                 body: character(&self.body),
-                ..self.wearing.options(usual.dress)
+                ..dress
             },
+            any_fabric,
+            any_shape: self.shape == Which::Any,
             motion: match self.motion.is_empty() {
                 true => usual.motion,
                 false => self.motion.clone(),

@@ -169,7 +169,7 @@ fn bench(bench: &Bench) -> Result<(), Failure> {
         BenchKind::Dress => muslin::bench::dress(data),
         BenchKind::Garments => {
             let cases = bench.cases.unwrap_or(9);
-            muslin::bench::garments(data, &bench.model, cases)
+            muslin::bench::garments(data, &bench.model, (cases, &bench.worn()))
         }
         BenchKind::Cloth => match &bench.peers {
             Some(home) => {

@@ -129,4 +129,8 @@ fn what_cannot_be_dressed_is_refused_in_words() {
         assert!(errors(&done).contains(told), "{args:?}: {}", errors(&done));
     }
     assert!(!Path::new(&out).exists());
+    let args = ["train", "--body", &bad, "--shape", "any", "-o", "a.muslin"];
+    let done = muslin(&args);
+    assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
+    assert!(errors(&done).contains("--shape"), "{}", errors(&done));
 }

@@ -183,6 +183,49 @@ fn what_cannot_be_taught_or_played_is_refused_in_words() {
     assert!(errors(&bent).contains("muslin train"), "{}", errors(&bent));
 }
 
+#[test]
+fn one_model_is_taught_for_any_fabric_and_any_body_and_says_whom_it_knows() {
+    let folder = Folder::new("any");
+    let model = folder.at("any.muslin");
+    let how = "train --motion wave --motion walk --edge 25 --codes 8 --steps 10 --mixed 80";
+    let taught = |more: &str| {
+        let all = format!("{how} --poses 40 {more} -o {model}");
+        let done = muslin(&all.split_whitespace().collect::<Vec<_>>());
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    };
+    let play = |more: &str| {
+        let out = folder.at("w.glb");
+        let all = format!(
+            "animate --model {model} --motion walk --seconds 0.2 --refine 0 --motion-level 0 {more} -o {out}"
+        );
+        let done = muslin(&all.split_whitespace().collect::<Vec<_>>());
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        let clip = muslin_io::read_clip(out.as_ref()).expect("just written");
+        let report = std::fs::read_to_string(folder.at("w.report.json")).expect("written");
+        let from = report.find("\"not_taught\"").expect("it says so");
+        let list = &report[from..];
+        let list = list[..=list.find(']').expect("a list")].replace(char::is_whitespace, "");
+        (clip.drape.frames[3].clone(), list)
+    };
+    taught("--fabric any --shape any");
+    let known = "\"not_taught\":[]";
+    let usual = play("");
+    assert_eq!(usual.1, known);
+    let other = play("--fabric cotton-shirting");
+    assert_eq!(other.1, known);
+    let moved = usual.0.iter().zip(&other.0).map(|(a, b)| a.distance(*b));
+    assert!(
+        moved.fold(0.0, f64::max) > 1e-5,
+        "the network hears of the fabric"
+    );
+    // Stiffer than any cloth that it met.
+    let paper = play("--fabric paper-vdp-cotton");
+    assert_eq!(paper.1, "\"not_taught\":[\"fabric\"]");
+    taught("--fabric any");
+    assert_eq!(play("--fabric cotton-shirting").1, known);
+    assert_eq!(play("--gender 0.9").1, "\"not_taught\":[\"body\"]");
+}
+
 /// A short training of a published system on a coarse tee.
 fn published(system: &str, out: &str, more: &[&str]) -> Output {
     let args = [
@@ -300,6 +343,8 @@ fn options_of_another_trainer_are_refused_by_name() {
         ("snug", "--mixed", "9"),
         ("pbns", "--layers", "5"),
         ("snug", "--augment", "0.1"),
+        ("pbns", "--fabric", "any"),
+        ("ncs", "--shape", "any"),
     ] {
         let done = published(system, &out, &[option, value]);
         assert_eq!(done.status.code(), Some(2), "{}", errors(&done));

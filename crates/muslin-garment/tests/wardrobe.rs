@@ -261,6 +261,23 @@ fn only_a_neckband_starts_strained_and_the_pattern_is_true_to_size() {
 }
 
 #[test]
+fn no_body_leaves_cloth_without_a_shape() {
+    for figure in bodies() {
+        for garment in [tee(), trousers(), skirt(), dress()] {
+            let worn = garment
+                .worn(avatar(), &figure, &[])
+                .expect("an embedded avatar");
+            for (f, t) in worn.rest.iter().enumerate() {
+                let side = |k: usize| t[k].distance_squared(t[(k + 1) % 3]);
+                let longest = side(0).max(side(1)).max(side(2));
+                let quality = (t[1] - t[0]).perp_dot(t[2] - t[0]) / longest;
+                assert!(quality > 0.2, "{} face {f}: {quality}", garment.name);
+            }
+        }
+    }
+}
+
+#[test]
 fn the_grain_runs_down_the_body() {
     let worn = tee()
         .worn(avatar(), &figure(&[]), &[])

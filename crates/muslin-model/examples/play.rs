@@ -112,6 +112,7 @@ fn model((n, codes, width): (usize, usize, usize), swings: usize) -> Model {
             .iter()
             .map(|x| 0.01 * x)
             .collect(),
+        traits: Vec::new(),
         sway: Some(Sway {
             shapes: noise.normals(3 * n * swings),
             stiffness: vec![200.0; swings],

@@ -8,7 +8,7 @@ use crate::Reader;
 /// fields.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Encoder {
-    /// Our own: descriptors of the pose through a perceptron.
+    /// Our own: descriptors of the pose, and traits, through a perceptron.
     Plain(Mlp),
     /// PBNS (Bertiche et al. 2021): turns of the bones through a perceptron whose last layer is
     /// rectified as well.
@@ -140,13 +140,15 @@ impl Encoder {
         }
     }
 
-    /// Whether its parts fit each other and a pose of `n` driving bones.
-    pub fn fits(&self, n: usize) -> bool {
+    /// Whether its parts fit each other, a pose of `n` driving bones and that many traits after it.
+    pub fn fits(&self, n: usize, traits: usize) -> bool {
         let sound = |w: &[usize]| {
             (2..=64).contains(&w.len()) && w.iter().all(|x| (1..=1 << 16).contains(x))
         };
         match self {
-            Self::Plain(m) | Self::Pbns(m) => sound(&m.widths) && m.widths[0] == self.n_inputs(n),
+            Self::Plain(m) => sound(&m.widths) && m.widths[0] == self.n_inputs(n) + traits,
+            _ if traits > 0 => false,
+            Self::Pbns(m) => sound(&m.widths) && m.widths[0] == self.n_inputs(n),
             Self::Snug(s) => {
                 let told = s.body.iter().all(|x| x.is_finite());
                 told && sound(&s.widths) && s.widths[0] == self.n_inputs(n)

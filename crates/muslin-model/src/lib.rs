@@ -26,7 +26,7 @@ mod swing;
 pub use describe::Reader;
 pub use encoder::{Encoder, Ncs, Snug};
 pub use error::ModelError;
-pub use model::{Model, Skin};
+pub use model::{Model, Skin, Trait};
 pub use player::Player;
 pub use stream::Stream;
 pub use sway::Sway;

@@ -29,6 +29,17 @@ impl Skin {
     }
 }
 
+/// Something that a network is told besides the pose: of the wearer, or of the cloth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trait {
+    /// What it is.
+    pub name: String,
+    /// Its value: that of the first lesson, until another is told.
+    pub value: f32,
+    /// The least and the most that was taught.
+    pub range: [f32; 2],
+}
+
 /// A garment that has learnt how to lie on a moving body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
@@ -44,6 +55,8 @@ pub struct Model {
     pub skin: Skin,
     /// Bones whose turns the network reads, by name; the first is the root.
     pub drivers: Vec<String>,
+    /// What the network reads after the pose.
+    pub traits: Vec<Trait>,
     /// Mean and 1/deviation of every input over the training poses.
     pub scale: Vec<[f32; 2]>,
     /// The network from inputs to codes.
@@ -66,6 +79,18 @@ impl Model {
     /// Whether its share of motion can be turned up and down.
     pub fn has_motion_level(&self) -> bool {
         self.encoder.has_motion_level() || self.sway.as_ref().is_some_and(|s| !s.is_empty())
+    }
+
+    /// The same for another wearer or cloth; what lies beyond all that was taught is taken as the nearest
+    /// that was, and what is not said stays.
+    #[must_use]
+    pub fn told(mut self, value: impl Fn(&str) -> Option<f64>) -> Self {
+        for t in &mut self.traits {
+            if let Some(x) = value(&t.name) {
+                t.value = (x as f32).clamp(t.range[0], t.range[1]);
+            }
+        }
+        self
     }
 
     /// How many codes there are, the one that is always one included.

@@ -27,7 +27,9 @@ pub struct Player {
     blocks: Blocks,
     /// The model's bones in the avatar's rig.
     rig: Vec<usize>,
+    /// What the network reads: of the pose, and at the end what it is told once.
     input: Vec<f32>,
+    told: usize,
     /// Codes and bones of a batch.
     codes: Vec<f32>,
     affine: Vec<Affine>,
@@ -52,7 +54,8 @@ impl Player {
         swing.iter_mut().for_each(|s| s.begin(STEP));
         Ok(Self {
             swing,
-            input: vec![0.0; model.encoder.n_inputs(model.drivers.len())],
+            input: inputs(model),
+            told: model.traits.len(),
             stream,
             scale: model.scale.clone(),
             mind: Mind::new(&model.encoder, &model.params),
@@ -133,8 +136,10 @@ impl Player {
 
     /// Codes and bones of a pose into a slot of the batch.
     fn read(&mut self, (pose, bones): (&Pose, &[DAffine3]), slot: usize) {
-        self.stream.read(pose, bones, &mut self.input);
-        for (x, [mean, scale]) in self.input.iter_mut().zip(&self.scale) {
+        let n = self.input.len() - self.told;
+        let input = &mut self.input[..n];
+        self.stream.read(pose, bones, input);
+        for (x, [mean, scale]) in input.iter_mut().zip(&self.scale) {
             *x = (*x - mean) * scale;
         }
         let n = self.rig.len();
@@ -163,4 +168,12 @@ impl Player {
             *code *= worth;
         }
     }
+}
+
+/// Room for what the network reads of a pose, and the traits as it reads them.
+fn inputs(model: &Model) -> Vec<f32> {
+    let n = model.encoder.n_inputs(model.drivers.len());
+    let told = model.traits.iter().zip(&model.scale[n..]);
+    let told = told.map(|(t, [mean, scale])| (t.value - mean) * scale);
+    std::iter::repeat_n(0.0, n).chain(told).collect()
 }

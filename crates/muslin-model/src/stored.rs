@@ -4,11 +4,11 @@ use half::f16;
 use muslin_net::learn::{Mlp, Nonlinear};
 use muslin_net::{Array, Numbers, Weights};
 
-use crate::{Encoder, Model, ModelError, Ncs, Skin, Snug, Sway};
+use crate::{Encoder, Model, ModelError, Ncs, Skin, Snug, Sway, Trait};
 
-/// What the notes say of the kind of file: with a network of our own, and with one that a note
-/// names.
-const FORMATS: [&str; 2] = ["muslin-garment 1", "muslin-garment 2"];
+/// What the notes say of the kind of file: with a network of our own, with one that a note names, and
+/// with a network of our own that is told traits.
+const FORMATS: [&str; 3] = ["muslin-garment 1", "muslin-garment 2", "muslin-garment 3"];
 
 impl Model {
     /// As arrays; learnt shapes and the network as 16-bit floats, everything else as it is.
@@ -22,7 +22,8 @@ impl Model {
         note(&mut out, "bones", self.bones.join(" "));
         note(&mut out, "drivers", self.drivers.join(" "));
         let (format, mlp) = match &self.encoder {
-            Encoder::Plain(m) => (FORMATS[0], Some(m)),
+            Encoder::Plain(m) if self.traits.is_empty() => (FORMATS[0], Some(m)),
+            Encoder::Plain(m) => (FORMATS[2], Some(m)),
             Encoder::Pbns(m) => (FORMATS[1], Some(m)),
             Encoder::Snug(_) => (FORMATS[1], None),
             Encoder::Ncs(n) => (FORMATS[1], Some(&n.still)),
@@ -30,6 +31,10 @@ impl Model {
         note(&mut out, "format", format.into());
         if format == FORMATS[1] {
             note(&mut out, "network", self.encoder.name().into());
+        }
+        if !self.traits.is_empty() {
+            let names: Vec<&str> = self.traits.iter().map(|t| t.name.as_str()).collect();
+            note(&mut out, "traits", names.join(" "));
         }
         if let Some(mlp) = mlp {
             note(&mut out, "bend", mlp.bend.name().into());
@@ -66,6 +71,15 @@ impl Model {
             &[self.scale.len(), 2],
             Numbers::F32(self.scale.as_flattened().to_vec()),
         );
+        if !self.traits.is_empty() {
+            let rows = self.traits.iter();
+            let rows = rows.flat_map(|t| [t.value, t.range[0], t.range[1]]);
+            add(
+                "traits",
+                &[self.traits.len(), 3],
+                Numbers::F32(rows.collect()),
+            );
+        }
         for (name, widths) in widths(&self.encoder) {
             let list = widths.iter().map(|w| *w as u32).collect();
             add(name, &[widths.len()], Numbers::U32(list));
@@ -113,8 +127,10 @@ impl Model {
         let from = From { weights };
         let format = from.note("format")?;
         if !FORMATS.contains(&format) {
-            let [old, new] = FORMATS;
-            let what = format!("is neither {old:?} nor {new:?}; it may be of a newer version");
+            let what = format!(
+                "is none of {}; it may be of a newer version",
+                FORMATS.join(", ")
+            );
             return Err(ModelError::wrong("format", what));
         }
         let model = Self {
@@ -129,9 +145,13 @@ impl Model {
             },
             drivers: names(from.note("drivers")?),
             scale: from.f32s("scale")?.as_chunks::<2>().0.to_vec(),
-            encoder: match format == FORMATS[0] {
-                true => Encoder::Plain(from.mlp("encoder.widths")?),
-                false => from.encoder()?,
+            traits: match format == FORMATS[2] {
+                true => from.traits()?,
+                false => Vec::new(),
+            },
+            encoder: match format == FORMATS[1] {
+                true => from.encoder()?,
+                false => Encoder::Plain(from.mlp("encoder.widths")?),
             },
             params: from.f32s("encoder.params")?,
             modes: from.f32s("modes")?,
@@ -164,8 +184,17 @@ impl Model {
         let bone = |b: &u8| usize::from(*b) < self.bones.len();
         fits("skin.bones", self.skin.bones.iter().all(bone))?;
         let drivers = self.drivers.len();
-        fits("encoder.widths", drivers > 0 && self.encoder.fits(drivers))?;
-        fits("scale", self.scale.len() == self.encoder.n_inputs(drivers))?;
+        let traits = self.traits.len();
+        fits(
+            "encoder.widths",
+            drivers > 0 && self.encoder.fits(drivers, traits),
+        )?;
+        fits(
+            "scale",
+            self.scale.len() == self.encoder.n_inputs(drivers) + traits,
+        )?;
+        let ordered = |t: &Trait| t.range[0] <= t.value && t.value <= t.range[1];
+        fits("traits", self.traits.iter().all(ordered))?;
         fits(
             "encoder.params",
             self.params.len() == self.encoder.n_params(),
@@ -228,6 +257,24 @@ impl<'a> From<'a> {
                 format!("is {other:?}, which this version does not know"),
             )),
         }
+    }
+
+    /// What the network is told besides the pose.
+    fn traits(&self) -> Result<Vec<Trait>, ModelError> {
+        let (names, rows) = (names(self.note("traits")?), self.f32s("traits")?);
+        if rows.len() != 3 * names.len() {
+            return Err(ModelError::wrong("traits", "are not one row a name"));
+        }
+        let one = |(name, row): (String, &[f32; 3])| Trait {
+            name,
+            value: row[0],
+            range: [row[1], row[2]],
+        };
+        Ok(names
+            .into_iter()
+            .zip(rows.as_chunks::<3>().0)
+            .map(one)
+            .collect())
     }
 
     /// How the cloth swings, if the file says so.

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use muslin_body::{Avatar, Pose, Shape, motions};
-use muslin_model::{Encoder, Model, Player, Reader, Skin};
+use muslin_model::{Encoder, Model, Player, Reader, Skin, Trait};
 use muslin_net::Numbers;
 use muslin_net::learn::{Mlp, Noise, Nonlinear};
 
@@ -44,20 +44,67 @@ fn model() -> Model {
         params: encoder.start(&mut noise),
         encoder: Encoder::Plain(encoder),
         modes: noise.normals(3 * n * 7).iter().map(|x| 0.02 * x).collect(),
+        traits: Vec::new(),
         sway: None,
+    }
+}
+
+/// The same cloth with a network that is told two traits.
+fn told() -> Model {
+    let plain = model();
+    let mut noise = Noise::new(5);
+    let encoder = Mlp {
+        widths: vec![plain.scale.len() + 2, 10, 6],
+        bend: Nonlinear::Silu,
+        bias: true,
+    };
+    let one = |name: &str, value| Trait {
+        name: name.into(),
+        value,
+        range: [-1.0, 2.0],
+    };
+    Model {
+        traits: vec![one("ln_bend", 0.25), one("waist", 0.75)],
+        scale: vec![[0.1, 1.3]; plain.scale.len() + 2],
+        params: encoder.start(&mut noise),
+        encoder: Encoder::Plain(encoder),
+        ..plain
     }
 }
 
 #[test]
 fn a_frame_is_the_formula_written_out_in_double_precision() {
+    is_the_formula(&model());
+    let usual = told();
+    is_the_formula(&usual);
+    let other = usual.clone().told(|name| (name == "waist").then_some(-0.5));
+    assert_eq!((other.traits[0].value, other.traits[1].value), (0.25, -0.5));
+    is_the_formula(&other);
+    assert_ne!(frame(&usual), frame(&other));
+    let beyond = usual.told(|_| Some(9.0));
+    assert!(beyond.traits.iter().all(|t| t.value == 2.0));
+}
+
+/// The cloth in a pose of the wave.
+fn frame(model: &Model) -> Vec<[f32; 3]> {
     let avatar = Avatar::embedded().expect("the embedded body is sound");
     let figure = avatar.figure(&Shape::default()).expect("the default shape");
-    let (model, pose) = (model(), wave(&avatar, 9));
+    let pose = wave(&avatar, 9);
+    let mut out = vec![[0.0f32; 3]; model.n_verts()];
+    let mut player = Player::new(model, &avatar).expect("the bones are there");
+    player.frame(&pose, &avatar.bones(&figure, &pose), &mut out);
+    out
+}
+
+fn is_the_formula(model: &Model) {
+    let avatar = Avatar::embedded().expect("the embedded body is sound");
+    let figure = avatar.figure(&Shape::default()).expect("the default shape");
+    let pose = wave(&avatar, 9);
     let bones = avatar.bones(&figure, &pose);
-    let mut player = Player::new(&model, &avatar).expect("the bones are there");
+    let mut player = Player::new(model, &avatar).expect("the bones are there");
     let mut out = vec![[0.0f32; 3]; model.n_verts()];
     player.frame(&pose, &bones, &mut out);
-    let z = codes(&model, &avatar, &pose);
+    let z = codes(model, &avatar, &pose);
     for (v, out) in out.iter().enumerate() {
         let d = |c: usize| {
             (0..7)
@@ -93,9 +140,11 @@ fn codes(model: &Model, avatar: &Avatar, pose: &Pose) -> Vec<f64> {
     let reader = Reader::new(avatar, &model.drivers).expect("the bones are there");
     let mut told = vec![0.0; reader.n_inputs()];
     reader.read(pose, &avatar.bones(&figure, pose), &mut told);
+    let traits = model.traits.iter().map(|t| t.value);
     let mut x: Vec<f64> = told
-        .iter()
-        .map(|x| (f64::from(*x) - f64::from(0.1f32)) * f64::from(1.3f32))
+        .into_iter()
+        .chain(traits)
+        .map(|x| (f64::from(x) - f64::from(0.1f32)) * f64::from(1.3f32))
         .collect();
     let Encoder::Plain(encoder) = &model.encoder else {
         panic!("a network of our own")
@@ -192,6 +241,42 @@ fn a_stored_model_comes_back_with_shapes_and_network_of_half_precision() {
     }
     assert_eq!(back.notes.get("garment"), model.notes.get("garment"));
     assert_eq!(Model::from_weights(&back.to_weights()), Ok(back));
+}
+
+#[test]
+fn a_stored_model_keeps_its_traits_and_broken_ones_are_refused_by_name() {
+    let stored = told().to_weights();
+    assert_eq!(stored.notes["format"], "muslin-garment 3");
+    let back = Model::from_weights(&stored).expect("it was just written");
+    assert_eq!(back.traits, told().traits);
+    assert_eq!(Model::from_weights(&back.to_weights()), Ok(back));
+    let broken = |change: &dyn Fn(&mut muslin_net::Weights)| {
+        let mut other = stored.clone();
+        change(&mut other);
+        Model::from_weights(&other)
+            .expect_err("it does not fit")
+            .to_string()
+    };
+    let names = broken(&|w| {
+        w.notes.insert("traits".into(), "waist".into());
+    });
+    assert!(names.contains("traits"), "{names}");
+    let range = broken(&|w| {
+        let rows = Numbers::F32(vec![0.25, 1.0, 2.0, 0.75, -1.0, 2.0]);
+        w.arrays
+            .insert("traits".into(), muslin_net::Array::new(&[2, 3], rows));
+    });
+    assert!(range.contains("traits"), "{range}");
+    let number = broken(&|w| {
+        let rows = Numbers::F32(vec![f32::NAN; 6]);
+        w.arrays
+            .insert("traits".into(), muslin_net::Array::new(&[2, 3], rows));
+    });
+    assert!(number.contains("traits"), "{number}");
+    let gone = broken(&|w| {
+        w.arrays.remove("traits");
+    });
+    assert!(gone.contains("traits"), "{gone}");
 }
 
 #[test]

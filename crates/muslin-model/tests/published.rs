@@ -80,6 +80,7 @@ impl Stage {
             params: params.iter().map(|p| 0.5 * p).collect(),
             encoder,
             modes,
+            traits: Vec::new(),
             sway: None,
         }
     }

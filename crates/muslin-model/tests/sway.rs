@@ -53,6 +53,7 @@ fn model() -> Model {
             .iter()
             .map(|x| 0.02 * x)
             .collect(),
+        traits: Vec::new(),
         sway: Some(sway),
     }
 }

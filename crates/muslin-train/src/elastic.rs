@@ -2,10 +2,9 @@
 
 use glam::{DMat3, DVec3};
 use muslin_energy::membrane::{self, Stretch};
-use muslin_sim::Cloth;
 
-use crate::cut::Cut;
 use crate::factor::{Factor, Matrix, Pattern};
+use crate::wearer::Wearer;
 use crate::weights::neighbours;
 
 /// Tension that hanging cloth is under on the mean [N/m]: its stiffness across.
@@ -22,8 +21,10 @@ pub struct Elastic {
 }
 
 impl Elastic {
-    /// Of `cloth` at `x` [m].
-    pub fn new(cloth: &Cloth, cut: &Cut, x: &[DVec3]) -> Self {
+    /// Of the cloth around its wearers at rest, on the mean.
+    pub fn new(wearers: &[Wearer<'_>]) -> Self {
+        let first = &wearers[0].lesson;
+        let (cloth, x) = (first.cloth, first.template);
         let near = neighbours(x.len(), &cloth.faces);
         let mut matrix = Matrix {
             starts: vec![0],
@@ -50,15 +51,19 @@ impl Elastic {
             span.start + at.expect("corners of a face are neighbours")
         };
         for (f, face) in cloth.faces.iter().enumerate() {
-            // In full in compression as well: a step that is too short beats one too far.
-            let k = Stretch {
-                compression: 1.0,
-                ..cloth.materials[cloth.material_of[f] as usize].stretch
-            };
-            let answer = membrane::hessian(&face.map(|v| x[v as usize]), &cut.rest[f], &k);
-            for a in 0..3 {
-                for b in 0..3 {
-                    matrix.blocks[find(face[a], face[b])] += answer.hessian[a][b];
+            let places: [[usize; 3]; 3] = face.map(|a| face.map(|b| find(a, b)));
+            for wearer in wearers {
+                // In full in compression as well: a step that is too short beats one too far.
+                let k = Stretch {
+                    compression: 1.0,
+                    ..wearer.stretch(f)
+                };
+                let corners = face.map(|v| wearer.lesson.template[v as usize]);
+                let answer = membrane::hessian(&corners, &wearer.cut.rest[f], &k);
+                for (row, blocks) in places.iter().zip(&answer.hessian) {
+                    for (at, block) in row.iter().zip(blocks) {
+                        matrix.blocks[*at] += *block * (1.0 / wearers.len() as f64);
+                    }
                 }
             }
         }

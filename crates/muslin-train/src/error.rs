@@ -12,6 +12,9 @@ pub enum TrainError {
     /// The body lacks what the model needs.
     #[error("{0}")]
     Body(#[from] ModelError),
+    /// Lessons that are not of one cloth.
+    #[error("the lessons are not of one cloth: their {0} differ")]
+    OtherCloth(&'static str),
     /// Too few poses.
     #[error("{0} poses are too few to learn from; give motions with {1} at least")]
     FewPoses(usize, usize),

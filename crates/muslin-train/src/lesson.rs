@@ -17,6 +17,8 @@ pub struct Lesson<'a> {
     pub template: &'a [DVec3],
     /// Vertex → (bone of the rig, weight); see [`crate::diffused`].
     pub weights: &'a Sparse,
+    /// What our own network is told of wearer and cloth, by name.
+    pub traits: &'a [(&'static str, f64)],
 }
 
 /// How it is learnt. The defaults suit a garment of a few thousand vertices.
@@ -43,6 +45,10 @@ pub struct Plan {
     pub gap: f64,
     /// Largest stiffness of skin [N/m] per vertex.
     pub skin: f64,
+    /// Cloth that is stiffer in its plane than this [N/m] is taught as if it were this stiff. Either
+    /// hardly stretches under its weight; but what a network leaves of stretch would otherwise cost so much
+    /// that nothing else is learnt.
+    pub stiffest: f64,
     /// Cost of stretch and contact [J] beyond which a pose counts for less and less: its weight is
     /// this over its cost, so that a few impossible poses do not drown the others.
     pub fair: f64,
@@ -63,6 +69,7 @@ impl Default for Plan {
             damping: 0.3,
             gap: 3e-3,
             skin: 400.0,
+            stiffest: 1000.0,
             fair: 0.1,
             seed: 1,
         }

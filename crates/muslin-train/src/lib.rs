@@ -33,6 +33,7 @@ mod testing;
 mod trainer;
 mod training;
 mod update;
+mod wearer;
 mod weights;
 mod work;
 

@@ -3,12 +3,15 @@
 use muslin_body::Pose;
 use muslin_model::Reader;
 
-use crate::body::{Posed, Skinned};
+use crate::body::Posed;
 use crate::lanes::{LANES, Row};
+use crate::wearer::Wearer;
 
 /// Sixteen poses.
 #[derive(Clone, Debug)]
 pub struct Pack {
+    /// Who is posed, as an index into the trainer's wearers.
+    pub wearer: usize,
     /// The poses, as indices into the pool.
     pub poses: [u32; LANES],
     /// What the network is told.
@@ -27,12 +30,13 @@ pub struct Pack {
 }
 
 impl Pack {
-    /// From poses of the pool; `rig` names the bones that the cloth follows.
+    /// From poses of the pool for one of the wearers; `rig` names the bones that the cloth follows.
     pub fn new(
-        poses: [u32; LANES],
+        (wearer, poses): (usize, [u32; LANES]),
         pool: &[Pose],
-        (body, reader, rig): (&Skinned<'_>, &Reader, &[usize]),
+        (wearers, reader, rig): (&[Wearer<'_>], &Reader, &[usize]),
     ) -> Self {
+        let Wearer { body, lesson, .. } = &wearers[wearer];
         let mut inputs = vec![[0.0; LANES]; reader.n_inputs()];
         let mut bones = vec![[[0.0; LANES]; 12]; rig.len()];
         let mut told = vec![0.0; reader.n_inputs()];
@@ -51,7 +55,10 @@ impl Pack {
                     .for_each(|(row, x)| row[lane] = x as f32);
             }
         }
+        let traits = lesson.traits.iter();
+        inputs.extend(traits.map(|t| [t.1 as f32; LANES]));
         Self {
+            wearer,
             poses,
             inputs,
             bones,

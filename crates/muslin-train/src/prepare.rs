@@ -6,10 +6,10 @@ use muslin_net::learn::{Mlp, Noise, Nonlinear};
 use rayon::prelude::*;
 
 use crate::TrainError;
-use crate::body::Skinned;
 use crate::lanes::LANES;
 use crate::lesson::{Lesson, Plan};
 use crate::pack::Pack;
+use crate::wearer::Wearer;
 
 /// A bone that turns less than this in all poses is taken as still [rad].
 const TURNS: f64 = 0.01;
@@ -77,18 +77,18 @@ pub(crate) fn encoder(inputs: usize, plan: &Plan) -> Mlp {
     }
 }
 
-/// All poses in packs, in random order; what does not fill the last pack is left out.
+/// All poses in packs, in random order, and the packs dealt to the wearers in turns; what does not fill
+/// the last pack is left out.
 pub(crate) fn packs(
     pool: &[Pose],
-    how: (&Skinned<'_>, &Reader, &[usize]),
+    how: (&[Wearer<'_>], &Reader, &[usize]),
     noise: &mut Noise,
 ) -> Vec<Pack> {
     let mut order: Vec<u32> = (0..pool.len() as u32).collect();
     noise.shuffle(&mut order);
     let lots: Vec<[u32; LANES]> = order.as_chunks::<LANES>().0.to_vec();
-    lots.into_par_iter()
-        .map(|lot| Pack::new(lot, pool, how))
-        .collect()
+    let dealt = |(k, lot): (usize, [u32; LANES])| Pack::new((k % how.0.len(), lot), pool, how);
+    lots.into_par_iter().enumerate().map(dealt).collect()
 }
 
 /// Brings all inputs to mean 0 and deviation 1; tells mean and 1/deviation of each.

@@ -86,7 +86,11 @@ impl Trainer<'_> {
             let (own, later) = rest
                 .split_at_checked(n)
                 .ok_or(TrainError::OtherTraining("faces"))?;
-            if own.as_flattened().iter().any(|f| !self.body.has(*f)) {
+            if own
+                .as_flattened()
+                .iter()
+                .any(|f| !self.wearers[pack.wearer].body.has(*f))
+            {
                 return Err(TrainError::OtherTraining("faces"));
             }
             pack.faces = own.to_vec();

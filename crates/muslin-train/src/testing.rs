@@ -73,21 +73,30 @@ impl Class {
         }
     }
 
-    pub fn trainer(&self) -> Trainer<'_> {
-        let lesson = Lesson {
+    /// Its shirt in its fabric.
+    pub fn lesson(&self) -> Lesson<'_> {
+        Lesson {
             avatar: &self.avatar,
             figure: &self.figure,
             cloth: &self.cloth,
             template: &self.template,
             weights: &self.weights,
-        };
+            traits: &[],
+        }
+    }
+
+    pub fn trainer(&self) -> Trainer<'_> {
+        self.taught(vec![self.lesson()])
+    }
+
+    pub fn taught<'a>(&'a self, lessons: Vec<Lesson<'a>>) -> Trainer<'a> {
         let plan = Plan {
             codes: 8,
             hidden: vec![16],
             steps: 40,
             ..Plan::default()
         };
-        Trainer::new(lesson, plan, self.poses.clone()).expect("enough poses")
+        Trainer::new(lessons, plan, self.poses.clone()).expect("enough poses")
     }
 }
 

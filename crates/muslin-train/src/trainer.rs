@@ -3,17 +3,14 @@
 use std::collections::BTreeMap;
 
 use muslin_body::{Motion, Pose};
-use muslin_model::{Encoder, Model, Reader, Skin};
+use muslin_model::{Encoder, Model, Reader, Skin, Trait};
 use muslin_net::Weights;
 use muslin_net::learn::{AdamState, Mlp, Noise};
 use rayon::prelude::*;
 
 use crate::TrainError;
-use crate::body::Skinned;
-use crate::cut::Cut;
 use crate::elastic::Elastic;
 use crate::factor::Factor;
-use crate::folds::Folds;
 use crate::lanes::LANES;
 use crate::lesson::{Lesson, Plan};
 use crate::pack::Pack;
@@ -21,6 +18,7 @@ use crate::pool::thinned;
 use crate::prepare::{drivers, encoder, follow, packs, rescale, standardise};
 use crate::training::{Training, fault, fingerprint, left_out};
 use crate::update::factored;
+use crate::wearer::{Wearer, wearers};
 use crate::work::Work;
 
 /// What a pose costs on the mean [J].
@@ -81,20 +79,17 @@ pub struct Told {
 
 /// A network that learns.
 pub struct Trainer<'a> {
-    pub(crate) lesson: Lesson<'a>,
+    /// Those that wear the cloth; models are of the first.
+    pub(crate) wearers: Vec<Wearer<'a>>,
     pub(crate) plan: Plan,
-    pub(crate) body: Skinned<'a>,
     pub(crate) pool: Vec<Pose>,
-    pub(crate) cut: Cut,
     pub(crate) elastic: Elastic,
-    pub(crate) folds: Folds,
     pub(crate) factor: Factor,
     pub(crate) skin: Skin,
     pub(crate) bones: Vec<String>,
     pub(crate) drivers: Vec<String>,
     pub(crate) scale: Vec<[f32; 2]>,
     pub(crate) encoder: Mlp,
-    pub(crate) template: Vec<[f32; 3]>,
     pub(crate) reader: Reader,
     /// The bones that the cloth follows, in the rig.
     pub(crate) rig: Vec<usize>,
@@ -129,24 +124,32 @@ const FEWEST: usize = 4 * LANES;
 const JUDGED: usize = 32;
 
 impl<'a> Trainer<'a> {
-    /// Gets ready to learn from `pool`.
-    pub fn new(lesson: Lesson<'a>, plan: Plan, pool: Vec<Pose>) -> Result<Self, TrainError> {
+    /// Gets ready to learn from `pool`, whose poses the wearers of the `lessons` share between them. All
+    /// lessons are of one cloth on one family of bodies, and differ in body, rest shape, fabric and
+    /// traits; motions are judged on the first, and models are of it.
+    pub fn new(
+        mut lessons: Vec<Lesson<'a>>,
+        plan: Plan,
+        pool: Vec<Pose>,
+    ) -> Result<Self, TrainError> {
         if pool.len() < FEWEST {
             return Err(TrainError::FewPoses(pool.len(), FEWEST));
         }
-        let cut = Cut::new(lesson.cloth)?;
+        // Who has no pose is not learnt from.
+        lessons.truncate(pool.len() / LANES);
+        let wearers = wearers(lessons, plan.stiffest)?;
+        let lesson = wearers[0].lesson;
         let (rig, skin) = follow(&lesson)?;
         let name = |b: &usize| lesson.avatar.rig().bones[*b].name.clone();
         let bones: Vec<String> = rig.iter().map(name).collect();
         let drivers: Vec<String> = drivers(&lesson, pool.iter()).iter().map(name).collect();
         let reader = Reader::new(lesson.avatar, &drivers)?;
-        let body = Skinned::new((lesson.avatar, lesson.figure), lesson.template);
         let mut noise = Noise::new(plan.seed);
-        let mut packs = packs(&pool, (&body, &reader, &rig), &mut noise);
+        let mut packs = packs(&pool, (&wearers, &reader, &rig), &mut noise);
         let scale = standardise(&mut packs);
-        let encoder = encoder(reader.n_inputs(), &plan);
-        let elastic = Elastic::new(lesson.cloth, &cut, lesson.template);
-        let n = cut.n_verts();
+        let encoder = encoder(reader.n_inputs() + lesson.traits.len(), &plan);
+        let elastic = Elastic::new(&wearers);
+        let n = lesson.template.len();
         let walls = vec![[0.0; 6]; n];
         let k = plan.codes;
         Ok(Self {
@@ -165,19 +168,11 @@ impl<'a> Trainer<'a> {
                 queue: Vec::new(),
                 bad: 0,
             },
-            template: lesson
-                .template
-                .iter()
-                .map(|p| p.as_vec3().to_array())
-                .collect(),
-            lesson,
+            wearers,
             plan,
-            body,
             reader,
             rig,
             pool,
-            cut,
-            folds: Folds::new(&lesson.cloth.faces, lesson.template, lesson.weights),
             elastic,
             skin,
             bones,
@@ -189,8 +184,9 @@ impl<'a> Trainer<'a> {
 
     /// What the bits of the training depend on, in one line.
     pub(crate) fn identity(&self) -> String {
-        let poses = fingerprint(&self.lesson, self.pool.iter());
-        format!("{poses} {:?}", self.plan)
+        let one = |w: &Wearer<'_>| fingerprint(&w.lesson, self.pool.iter());
+        let all: Vec<String> = self.wearers.iter().map(one).collect();
+        format!("{} {:?}", all.join(" "), self.plan)
     }
 
     /// How many poses there are to learn from.
@@ -263,11 +259,11 @@ impl Training for Trainer<'_> {
     /// Too few poses to fill a pack tell nothing.
     fn judge(&self, motion: &Motion) -> Told {
         let poses = &thinned(motion.poses.clone(), JUDGED);
-        let how = (&self.body, &self.reader, self.rig.as_slice());
+        let how = (&self.wearers[..1], &self.reader, self.rig.as_slice());
         let mut packs = packs(poses, how, &mut Noise::new(0));
         rescale(&mut packs, &self.scale);
         packs.par_iter_mut().for_each(|pack| {
-            let skin = |p: &u32| self.body.skin(&poses[*p as usize]);
+            let skin = |p: &u32| self.wearers[0].body.skin(&poses[*p as usize]);
             pack.skins = pack.poses.iter().map(skin).collect();
         });
         let works: Vec<Work> = packs.par_iter_mut().map(|p| self.work(p)).collect();
@@ -280,8 +276,9 @@ impl Training for Trainer<'_> {
     fn model(&self, notes: BTreeMap<String, String>) -> Model {
         Model {
             notes,
-            faces: self.lesson.cloth.faces.clone(),
-            template: self.template.clone(),
+            faces: self.wearers[0].lesson.cloth.faces.clone(),
+            template: self.wearers[0].template.clone(),
+            traits: traits(&self.wearers),
             bones: self.bones.clone(),
             skin: self.skin.clone(),
             drivers: self.drivers.clone(),
@@ -300,4 +297,19 @@ impl Training for Trainer<'_> {
     fn restore(&mut self, kept: &Weights) -> Result<(), TrainError> {
         self.go_on(kept)
     }
+}
+
+/// What the network was told, as the first was and from the least to the most.
+fn traits(wearers: &[Wearer<'_>]) -> Vec<Trait> {
+    let of = |k: usize| wearers.iter().map(move |w| w.lesson.traits[k].1 as f32);
+    let one = |(k, (name, value)): (usize, &(&str, f64))| Trait {
+        name: (*name).into(),
+        value: *value as f32,
+        range: [
+            of(k).fold(f32::INFINITY, f32::min),
+            of(k).fold(f32::NEG_INFINITY, f32::max),
+        ],
+    };
+    let first = wearers[0].lesson.traits.iter();
+    first.enumerate().map(one).collect()
 }

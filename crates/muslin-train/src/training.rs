@@ -81,7 +81,9 @@ pub(crate) fn fingerprint<'a>(
     let counts = [&cloth.material_of, &cloth.pins, &cloth.layers];
     let counts = counts.into_iter().flatten();
     let whole = cloth.faces.as_flattened().iter().chain(counts);
+    let traits = lesson.traits.iter().map(|t| t.1);
     let parts = [
+        sum(&mut traits.into_iter()),
         sum(&mut poses.flat_map(turns)),
         sum(&mut lesson.template.iter().flat_map(|p| p.to_array())),
         sum(&mut cloth.materials.iter().flat_map(stuff)),

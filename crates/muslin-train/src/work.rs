@@ -11,6 +11,7 @@ use crate::laws::{self, Wall};
 use crate::pack::Pack;
 use crate::skin;
 use crate::trainer::{Energies, Trainer};
+use crate::wearer::Wearer;
 
 /// Stiffness of a pin [N/m], as in the solver.
 const PIN: f32 = 100.0;
@@ -50,7 +51,8 @@ impl Trainer<'_> {
             .forward(&self.now.params, inputs, &mut tape)
             .to_vec();
         codes.extend([1.0; LANES]);
-        let (n, k) = (self.cut.n_verts(), self.plan.codes);
+        let wearer = &self.wearers[pack.wearer];
+        let (n, k) = (wearer.cut.n_verts(), self.plan.codes);
         let modes = View::new(&self.now.modes, 3 * n, k);
         let plain = codes.clone();
         let codes = View::new(&codes, k, LANES);
@@ -97,9 +99,9 @@ impl Trainer<'_> {
     /// From corrections at rest to positions in the poses, in place.
     #[inline(always)]
     fn carry(&self, pack: &Pack, x: &mut [Row]) {
-        for v in 0..self.template.len() {
+        let template = &self.wearers[pack.wearer].template;
+        for (v, t) in template.iter().enumerate() {
             let a = skin::blend(&self.skin, v, &pack.bones);
-            let t = self.template[v];
             let d = Vec3::of(x, v as u32);
             let p = Vec3([0, 1, 2].map(|i| d.0[i] + t[i]));
             skin::carry(&a, p).put(x, v as u32);
@@ -108,8 +110,9 @@ impl Trainer<'_> {
 
     /// Looks for the nearest skin, and for cloth that meets cloth, where that is due.
     fn look(&self, pack: &mut Pack, x: &[Row]) {
+        let Wearer { body, folds, .. } = &self.wearers[pack.wearer];
         if pack.skins.is_empty() {
-            let pose = |p: &u32| self.body.skin(&self.pool[*p as usize]);
+            let pose = |p: &u32| body.skin(&self.pool[*p as usize]);
             pack.skins = pack.poses.par_iter().map(pose).collect();
         }
         if !pack.is_due() {
@@ -119,11 +122,11 @@ impl Trainer<'_> {
         let each = |lane: usize| {
             let one = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
             let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(one).collect();
-            let faces = self.body.nearest(&skins[lane], &x);
-            (faces, self.folds.find(&x, self.plan.gap))
+            let faces = body.nearest(&skins[lane], &x);
+            (faces, folds.find(&x, self.plan.gap))
         };
         let all: Vec<Met> = (0..LANES).into_par_iter().map(each).collect();
-        pack.faces = (0..self.cut.n_verts())
+        pack.faces = (0..x.len() / 3)
             .map(|v| std::array::from_fn(|lane| all[lane].0[v]))
             .collect();
         let folds: Vec<Vec<(u32, Plane)>> = all.into_iter().map(|a| a.1).collect();
@@ -132,13 +135,14 @@ impl Trainer<'_> {
 
     /// The wall at every vertex: normal and offset.
     fn walls(&self, pack: &mut Pack, x: &[Row]) -> Vec<[Row; 4]> {
-        let mut out = vec![[[0.0; LANES]; 4]; self.cut.n_verts()];
+        let body = &self.wearers[pack.wearer].body;
+        let mut out = vec![[[0.0; LANES]; 4]; x.len() / 3];
         for lane in 0..LANES {
             let skin = &pack.skins[lane];
             let each = out.iter_mut().zip(x.as_chunks::<3>().0);
             for ((out, p), face) in each.zip(&mut pack.faces) {
                 let p = glam::Vec3::from_array(p.map(|row| row[lane]));
-                let wall = self.body.wall(skin, p, &mut face[lane]);
+                let wall = body.wall(skin, p, &mut face[lane]);
                 (0..4).for_each(|c| out[c][lane] = wall[c]);
             }
         }
@@ -148,8 +152,9 @@ impl Trainer<'_> {
     /// Costs of the positions `x`, and their gradient in the rest frame.
     #[inline(always)]
     fn ask(&self, (pack, walls): Walled<'_>, (x, g): (&[Row], &mut [Row]), work: &mut Work) {
-        let n = self.cut.n_verts();
-        let membrane = laws::membrane(&self.cut, x, g);
+        let Wearer { cut, template, .. } = &self.wearers[pack.wearer];
+        let n = cut.n_verts();
+        let membrane = laws::membrane(cut, x, g);
         let mut sums = [
             membrane,
             Lane::all(0.0),
@@ -165,14 +170,14 @@ impl Trainer<'_> {
         let mut under = Lane::all(0.0);
         work.walls = vec![[0.0; 6]; n];
         let mut folds = pack.folds.iter().peekable();
-        let mut pins = self.cut.pins.iter().peekable();
+        let mut pins = cut.pins.iter().peekable();
         for v in 0..n {
             let here = Vec3::of(x, v as u32);
-            let (bend, mut force) = laws::bending(&self.cut, x, v);
+            let (bend, mut force) = laws::bending(cut, x, v);
             // The pull is the gradient of the bending energy with the sign of Q's rows.
             sums[1] += bend;
             force += Vec3::of(g, v as u32);
-            let weight = self.cut.mass[v] * laws::G;
+            let weight = cut.mass[v] * laws::G;
             force.0[1] += Lane::all(weight);
             sums[2] += here.0[1] * weight;
             let a = skin::blend(&self.skin, v, &pack.bones);
@@ -197,7 +202,7 @@ impl Trainer<'_> {
             }
             work.walls[v] = stiff;
             if pins.next_if_eq(&&(v as u32)).is_some() {
-                let t = self.template[v];
+                let t = template[v];
                 let held = skin::carry(&a, Vec3(t.map(Lane::all)));
                 let off = here - held;
                 sums[4] += off.dot(off) * (0.5 * PIN);
@@ -228,9 +233,13 @@ impl Trainer<'_> {
 mod tests {
     use std::sync::LazyLock;
 
+    use muslin_body::{Figure, Shape};
+    use muslin_garment::{Garment, Recipe, Tee};
+    use muslin_sim::Cloth;
+
     use super::*;
     use crate::testing::Class;
-    use crate::{TrainError, Training};
+    use crate::{Lesson, TrainError, Training};
 
     static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
 
@@ -241,12 +250,25 @@ mod tests {
 
     #[test]
     fn the_gradients_are_those_of_the_cost_in_shapes_and_in_the_network() {
-        let mut trainer = CLASS.trainer();
+        gradients(CLASS.trainer(), 0);
+        let other = Other::new();
+        gradients(CLASS.taught(other.lessons()), 1);
+    }
+
+    /// The gradients of a pack of the wearer of that number.
+    fn gradients(mut trainer: Trainer, wearer: usize) {
         trainer.plan.fair = f64::INFINITY;
         for _ in 0..4 {
             trainer.step().expect("finite");
         }
-        let mut pack = trainer.now.packs[0].clone();
+        let own = |p: &&Pack| p.wearer == wearer;
+        let mut pack = trainer
+            .now
+            .packs
+            .iter()
+            .find(own)
+            .expect("one each")
+            .clone();
         pack.visits = 0;
         trainer.work(&mut pack);
         // Between two looks.
@@ -289,6 +311,119 @@ mod tests {
                 norm * norm
             );
         }
+    }
+
+    /// The shirt on a heavier body, in another fabric, beside the usual one.
+    struct Other {
+        figure: Figure,
+        cloth: Cloth,
+        template: Vec<DVec3>,
+    }
+
+    const USUAL: [(&str, f64); 2] = [("ln_bend", -11.5), ("chest", 0.9)];
+    const HEAVY: [(&str, f64); 2] = [("ln_bend", -9.2), ("chest", 1.1)];
+
+    impl Other {
+        fn new() -> Self {
+            let shape = Shape::default().with("weight", 0.8).expect("a share");
+            let figure = CLASS.avatar.figure(&shape).expect("a body");
+            let recipe = Recipe::Tee(Tee {
+                edge: 0.025,
+                ..Tee::default()
+            });
+            let garment = Garment::make(&CLASS.avatar, &recipe).expect("a shirt");
+            let worn = garment
+                .worn(&CLASS.avatar, &figure, &[])
+                .expect("it can be worn");
+            let mut cloth = CLASS.cloth.clone();
+            cloth.rest = worn.rest;
+            cloth.materials[0].bend.warp *= 10.0;
+            cloth.materials[0].bend.weft *= 10.0;
+            // Stiffer than is taught.
+            cloth.materials[0].stretch.warp = 1e5;
+            Self {
+                figure,
+                cloth,
+                template: worn.verts,
+            }
+        }
+
+        fn lessons(&self) -> Vec<Lesson<'_>> {
+            let usual = Lesson {
+                traits: &USUAL,
+                ..CLASS.lesson()
+            };
+            let heavy = Lesson {
+                figure: &self.figure,
+                cloth: &self.cloth,
+                template: &self.template,
+                traits: &HEAVY,
+                ..usual
+            };
+            vec![usual, heavy]
+        }
+    }
+
+    #[test]
+    fn wearers_share_the_poses_and_the_model_is_of_the_first_and_told_of_all() {
+        let other = Other::new();
+        let mut trainer = CLASS.taught(other.lessons());
+        let of = |k: usize| trainer.now.packs.iter().filter(|p| p.wearer == k).count();
+        assert!(
+            of(0).abs_diff(of(1)) <= 1 && of(1) > 0,
+            "{} {}",
+            of(0),
+            of(1)
+        );
+        while trainer.steps() < 3 {
+            trainer.step().expect("finite");
+        }
+        let kept = trainer.keep();
+        let mut again = CLASS.taught(other.lessons());
+        again.restore(&kept).expect("of the same training");
+        for t in [&mut trainer, &mut again] {
+            while t.steps() < 5 {
+                t.step().expect("finite");
+            }
+        }
+        assert!(
+            trainer.keep() == again.keep(),
+            "the bits of an unbroken run"
+        );
+        let mut changed = other.lessons();
+        changed[1].traits = &USUAL;
+        let foreign = CLASS.taught(changed).restore(&kept);
+        assert!(
+            matches!(foreign, Err(TrainError::OtherTraining(_))),
+            "{foreign:?}"
+        );
+        let model = trainer.model(Default::default());
+        assert_eq!(model.check(), Ok(()));
+        assert_eq!(model.template.len(), CLASS.template.len());
+        let first = CLASS.template[0].as_vec3().to_array();
+        assert_eq!(model.template[0], first);
+        let bend = &model.traits[0];
+        assert_eq!((bend.name.as_str(), bend.value), ("ln_bend", -11.5));
+        assert_eq!(bend.range, [-11.5, -9.2]);
+    }
+
+    #[test]
+    fn lessons_of_other_cloth_or_other_traits_are_refused_by_name() {
+        let other = Other::new();
+        let mut lessons = other.lessons();
+        lessons[1].traits = &[];
+        let plan = crate::Plan::default();
+        let told = |lessons| match Trainer::new(lessons, plan.clone(), CLASS.poses.clone()) {
+            Err(e) => e.to_string(),
+            Ok(_) => String::new(),
+        };
+        assert!(told(lessons).contains("traits"));
+        let mut cloth = other.cloth.clone();
+        cloth.pins = vec![1];
+        let mut lessons = other.lessons();
+        lessons[1].cloth = &cloth;
+        assert!(told(lessons).contains("pins"));
+        assert!(told(Vec::new()).contains("none"));
     }
 
     #[test]

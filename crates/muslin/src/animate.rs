@@ -26,6 +26,7 @@ use crate::swings;
 use crate::table::Table;
 use crate::tell;
 use crate::train::topology;
+use crate::traits;
 use crate::wardrobe;
 use crate::watch::Watch;
 use muslin_garment::Cut;
@@ -72,14 +73,8 @@ pub fn animate(
         warnings: Vec::new(),
     };
     let set = stage.set(&avatar, &model, &simulate)?;
-    let stranger = stage.strangers(&model, &simulate.dress)?;
-    let weights = wardrobe::weights(&model, &avatar)?;
-    let template = avatar.at_rest(&set.figure, (&weights, &set.start));
-    let model = stage.swinging(
-        wardrobe::fitted(model, &template),
-        (&set, &template),
-        stranger,
-    )?;
+    let stranger = stage.strangers(&model, &set, &simulate.dress)?;
+    let model = stage.swinging(set.told(model)?, &set, stranger)?;
     stage.perform((&set, &model), &simulate, (out, folders))
 }
 
@@ -244,28 +239,33 @@ impl<'a> Theatre<'a, '_> {
         Ok(set)
     }
 
-    /// Says what the model never met, and whether there is anything.
-    fn strangers(&mut self, model: &Model, dress: &DressOptions) -> Result<bool, Failure> {
-        let taught = ["height", "weight", "gender"].map(|name| number(model, name));
-        let mut others = Vec::new();
-        for (taught, worn) in taught
-            .into_iter()
-            .zip([dress.height, dress.weight, dress.gender])
-        {
-            if taught? != worn {
-                others = vec!["body"];
-            }
+    /// Says what the model never met, and whether wearer or fabric are others than those that its file
+    /// is of.
+    fn strangers(
+        &mut self,
+        model: &Model,
+        set: &Set,
+        dress: &DressOptions,
+    ) -> Result<bool, Failure> {
+        let fabric = &set.outfit.pieces[0].fabric;
+        let of_fabric = traits::of_fabric(fabric);
+        let of_wearer = traits::of_wearer(&set.avatar.measure(&set.figure));
+        let asked = [dress.height, dress.weight, dress.gender];
+        let mut other_shape = false;
+        for (name, asked) in ["height", "weight", "gender"].into_iter().zip(asked) {
+            other_shape |= number(model, name)? != asked;
         }
-        if model
-            .notes
-            .get("body")
-            .is_some_and(|b| *b != body_note(self.hero))
-        {
-            others = vec!["body"];
-        }
-        if model.notes.get("fabric") != dress.outfit[0].fabric.as_ref() {
-            others.push("fabric");
-        }
+        let note = |name: &str| model.notes.get(name).map_or("", String::as_str);
+        let other_body = model.notes.contains_key("body") && note("body") != body_note(self.hero);
+        let other_fabric = Some(note("fabric")) != dress.outfit[0].fabric.as_deref();
+        let strange = [
+            (
+                "body",
+                other_body || (other_shape && !traits::taught(model, &of_wearer)),
+            ),
+            ("fabric", other_fabric && !traits::taught(model, &of_fabric)),
+        ];
+        let others: Vec<&str> = strange.iter().filter(|s| s.1).map(|s| s.0).collect();
         let list = others.iter().map(|o| Value::from(*o));
         self.report.set("not_taught", list.collect::<Vec<_>>());
         if !others.is_empty() && self.options.refine == 0 {
@@ -274,25 +274,22 @@ impl<'a> Theatre<'a, '_> {
                 "the model was taught with another {what}: its folds are laid over this one unchanged"
             )]);
         }
-        Ok(!others.is_empty())
+        Ok(other_body || other_shape || other_fabric)
     }
 
     /// The model with the swings of the garment as it is worn: its own, or those of another body or
     /// fabric. The published systems know motion in their own ways, or not at all.
-    fn swinging(
-        &mut self,
-        model: Model,
-        (set, template): (&Set, &[DVec3]),
-        stranger: bool,
-    ) -> Result<Model, Failure> {
+    fn swinging(&mut self, model: Model, set: &Set, stranger: bool) -> Result<Model, Failure> {
         let wanted = self.options.motion_level != Some(0.0);
         if !swings::are_ours(&model) || !wanted || (model.sway.is_some() && !stranger) {
             return Ok(model);
         }
         self.watch.progress("how it swings");
         let body = (set.avatar, &set.figure);
+        let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        let template: Vec<DVec3> = model.template.iter().map(wide).collect();
         Ok(Model {
-            sway: swings::swings(body, (&set.cloth, template))?,
+            sway: swings::swings(body, (&set.cloth, &template))?,
             ..model
         })
     }

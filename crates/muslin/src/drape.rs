@@ -53,6 +53,9 @@ pub(crate) const NEARLY_THERE: Options = Options {
 const LAID: usize = 30;
 /// Pairs of triangles that may cross in what a garment was taught; with more it knows nothing of the pose.
 const CROSSED: usize = 60;
+/// Shares of the way from the rest pose at which trained garments are asked, the first that is clean enough:
+/// what crosses itself in the pose itself, as legs do in a long step, may not yet do so before.
+const BEGUN: [f64; 3] = [1.0, 0.7, 0.4];
 /// Largest turn of a joint in one step on the way to the pose [rad].
 const TURN: f64 = 0.09;
 
@@ -113,12 +116,13 @@ fn from_rest(
     watch: &Watch<'_>,
 ) -> Result<Dressed, Failure> {
     let start: Vec<DVec3> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
-    let path = sitter.path(avatar, TURN);
+    let path = sitter.path(avatar, (0.0, TURN));
     let body = (path.as_slice(), avatar.collision_faces());
     settle((outfit, worn), &start, body, (Options::default(), watch))
 }
 
-/// Drapes an outfit on somebody from where trained garments say that it lies. What was not taught, or
+/// Drapes an outfit on somebody from where trained garments say that it lies in the pose, or on the way
+/// to it. What was not taught, or
 /// does not come out clean from there, is draped as [`drape_outfit`] does.
 pub(crate) fn lay_outfit(
     (avatar, sitter): (&Avatar, &Sitter),
@@ -126,15 +130,19 @@ pub(crate) fn lay_outfit(
     watch: &Watch<'_>,
 ) -> Result<Dressed, Failure> {
     let worn = put_on(avatar, outfit, &sitter.figure)?;
-    let mesh = |verts| Mesh {
-        verts,
-        faces: cloth(outfit, &worn).faces,
+    let faces = cloth(outfit, &worn).faces;
+    let laid = |share: f64| {
+        let pose = sitter.on_the_way(avatar, share);
+        let start = wardrobe::laid(avatar, (outfit, &worn), (&sitter.figure, &pose))?;
+        let mesh = Mesh {
+            verts: start,
+            faces: faces.clone(),
+        };
+        let crossed = self_intersections(&mesh).len();
+        (crossed <= CROSSED).then_some((share, mesh.verts))
     };
-    let start = wardrobe::laid(avatar, (outfit, &worn), sitter)
-        .map(mesh)
-        .filter(|mesh| self_intersections(mesh).len() <= CROSSED);
-    if let Some(Mesh { verts: start, .. }) = start {
-        let path = [sitter.frame(avatar)];
+    if let Some((share, start)) = BEGUN.into_iter().find_map(laid) {
+        let path = sitter.path(avatar, (share, TURN));
         let body = (path.as_slice(), avatar.collision_faces());
         let options = Options {
             last_steps: LAID,

@@ -61,11 +61,19 @@ impl Sitter {
         body_frame(avatar, &self.posed, &Cores::new(avatar, &self.figure))
     }
 
-    /// The body on the way from the rest pose to the pose, both included.
+    /// The pose at a share of the way from the rest pose to where they stand.
+    pub(crate) fn on_the_way(&self, avatar: &Avatar, share: f64) -> Pose {
+        Pose::rest(avatar).toward(&self.pose, share)
+    }
+
+    /// The body on the way from the rest pose to the pose, from a share of that way on, both ends
+    /// included.
     ///
     /// The way eases in and out, and no joint turns by more than `most` radians a step.
-    pub fn path(&self, avatar: &Avatar, most: f64) -> Vec<Frame> {
-        let rest = Pose::rest(avatar);
+    pub(crate) fn path(&self, avatar: &Avatar, (from, most): (f64, f64)) -> Vec<Frame> {
+        if from >= 1.0 {
+            return vec![self.frame(avatar)];
+        }
         let turns = self
             .pose
             .rotations
@@ -75,11 +83,14 @@ impl Sitter {
             .map(|a| a.min(std::f64::consts::TAU - a))
             .fold(0.0, f64::max);
         // Easing makes the middle of the way half as fast again as its mean.
-        let steps = ((1.5 * widest / most).ceil() as usize).clamp(8, 60);
+        let left = (1.0 - from) * widest;
+        let fewest = if from > 0.0 { 2 } else { 8 };
+        let steps = ((1.5 * left / most).ceil() as usize).clamp(fewest, 60);
         let cores = Cores::new(avatar, &self.figure);
         let frame = |i: usize| {
             let t = i as f64 / steps as f64;
-            let pose = rest.toward(&self.pose, t * t * (3.0 - 2.0 * t));
+            let eased = from + (1.0 - from) * t * t * (3.0 - 2.0 * t);
+            let pose = self.on_the_way(avatar, eased);
             body_frame(avatar, &avatar.pose(&self.figure, &pose), &cores)
         };
         (0..=steps).map(frame).collect()

@@ -16,6 +16,7 @@ mod failure;
 mod figure;
 mod files;
 mod hero;
+mod layers;
 pub mod list;
 mod look;
 mod options;
@@ -26,6 +27,7 @@ mod swings;
 mod table;
 mod tell;
 mod train;
+mod traits;
 mod wardrobe;
 mod watch;
 

@@ -65,7 +65,7 @@ pub struct DressOptions {
     pub height: Option<f64>,
     /// Body weight [kg].
     pub weight: Option<f64>,
-    /// 0 female to 1 male in the body's own scale; between when unknown.
+    /// 0 male to 1 female on the body's own scale; between when unknown.
     pub gender: Option<f64>,
     /// Whom to dress.
     pub person: Person,

@@ -5,6 +5,7 @@ mod lessons;
 mod log;
 mod options;
 mod told;
+mod variety;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,7 +15,7 @@ use muslin_body::{Avatar, Figure, Motion, PHENOTYPES};
 use muslin_geom::{Report, Value};
 use muslin_io::{Journal, report_json, write_file, write_weights};
 use muslin_train::published::{Course, Published, System};
-use muslin_train::{Lesson, Told, Trainer, Training};
+use muslin_train::{Told, Trainer, Training};
 
 use crate::dress::{asked_shape, file_failure};
 use crate::failure::Failure;
@@ -28,7 +29,7 @@ use crate::tell;
 use crate::watch::Watch;
 
 use kept::{beside, failure, keep, resume, stopped};
-use lessons::Pupil;
+use lessons::Class;
 use log::Log;
 pub use options::TrainOptions;
 pub(crate) use told::topology;
@@ -60,8 +61,8 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
     };
     let figure = school.body(&avatar)?;
     let (motions, sources) = school.motions(&avatar, &figure)?;
-    let pupil = school.garment(&avatar, &figure)?;
-    school.teach((&avatar, &figure), (motions, sources), (&pupil, out))
+    let class = school.garment(&avatar, &figure)?;
+    school.teach(&avatar, (motions, sources), (&class, out))
 }
 
 struct School<'a, 'w> {
@@ -118,34 +119,39 @@ impl School<'_, '_> {
         Ok((motions, sources))
     }
 
-    fn garment(&mut self, avatar: &Avatar, figure: &Figure) -> Result<Pupil, Failure> {
+    fn garment(&mut self, avatar: &Avatar, figure: &Figure) -> Result<Class, Failure> {
         let mut warnings = Vec::new();
         let tailor = self.hero.map_or(avatar, |h| &h.base);
         let outfit = Outfit::make(tailor, &self.options.dress, |w| warnings.push(w.to_owned()))?;
         warnings.iter().for_each(|w| self.watch.warn(w));
-        let pupil = Pupil::new((avatar, figure), &outfit, self.options.system)?;
+        let class = Class::new((avatar, figure), &outfit, self.options)?;
         self.report.set("outfit", tell::outfit(&outfit));
-        self.done(3, "garment", tell::pieces(&outfit))?;
-        Ok(pupil)
+        let mut told = tell::pieces(&outfit);
+        if class.pupils.len() > 1 {
+            told += &format!(", for {} wearers and fabrics", class.pupils.len());
+        }
+        self.done(3, "garment", told)?;
+        Ok(class)
     }
 
     /// What is going to learn.
     fn trainer<'l>(
         &self,
-        lesson: Lesson<'l>,
+        (avatar, class): (&'l Avatar, &'l Class),
         motions: Vec<Motion>,
     ) -> Result<Box<dyn Training + 'l>, Failure> {
+        let mut lessons = class.lessons(avatar);
         let Some(system) = self.options.system else {
             let pool = motions.into_iter().flat_map(|m| m.poses).collect();
-            let trainer = Trainer::new(lesson, self.options.plan(), pool);
+            let trainer = Trainer::new(lessons, self.options.plan(), pool);
             return Ok(Box::new(trainer.map_err(|e| failure(&e))?));
         };
         let course = self.options.course(system);
         let body = match system {
-            System::Snug => self.shape(lesson.avatar)?,
+            System::Snug => self.shape(avatar)?,
             System::Pbns | System::Ncs => Vec::new(),
         };
-        let trainer = Published::new(lesson, Course { body, ..course }, motions);
+        let trainer = Published::new(lessons.swap_remove(0), Course { body, ..course }, motions);
         Ok(Box::new(trainer.map_err(|e| failure(&e))?))
     }
 
@@ -160,18 +166,13 @@ impl School<'_, '_> {
 
     fn teach(
         mut self,
-        (avatar, figure): (&Avatar, &Figure),
+        avatar: &Avatar,
         (motions, sources): (Vec<Motion>, Vec<String>),
-        (pupil, out): (&Pupil, &Path),
+        (class, out): (&Class, &Path),
     ) -> Result<Outcome, Failure> {
-        let lesson = Lesson {
-            avatar,
-            figure,
-            cloth: &pupil.cloth,
-            template: &pupil.template,
-            weights: &pupil.weights,
-        };
-        let mut trainer = self.trainer(lesson, motions)?;
+        let pupil = &class.pupils[0];
+        let figure = &pupil.figure;
+        let mut trainer = self.trainer((avatar, class), motions)?;
         let part = beside(out, "part");
         let mut log = Log::default();
         if self.options.resume {
@@ -187,7 +188,7 @@ impl School<'_, '_> {
             e.membrane
         );
         self.done(4, "learn", line)?;
-        let mut model = trainer.model(self.notes(pupil, &sources, &last));
+        let mut model = trainer.model(self.notes(class, &sources, &last));
         if self.options.system.is_none() {
             let cloth = (&pupil.cloth, pupil.template.as_slice());
             model.sway = swings::swings((avatar, figure), cloth)?;
@@ -280,20 +281,22 @@ impl School<'_, '_> {
     }
 
     /// What the file says of itself.
-    fn notes(&self, pupil: &Pupil, sources: &[String], last: &Told) -> BTreeMap<String, String> {
+    fn notes(&self, class: &Class, sources: &[String], last: &Told) -> BTreeMap<String, String> {
         let d = &self.options.dress;
         let system = self.options.system;
         let asked = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
         let notes = [
             ("garment", d.outfit[0].garment.clone()),
-            ("fabric", pupil.fabric.clone()),
+            ("fabric", class.fabric.clone()),
+            ("fabrics", which(self.options.any_fabric).into()),
+            ("shapes", which(self.options.any_shape).into()),
             ("cut", format!("{:?}", d.cut).to_lowercase()),
             ("edge", d.edge.to_string()),
             ("body", body_note(self.hero)),
             ("height", asked(d.height)),
             ("weight", asked(d.weight)),
             ("gender", asked(d.gender)),
-            ("topology", topology(&pupil.cloth.faces)),
+            ("topology", topology(&class.pupils[0].cloth.faces)),
             ("trained_on", sources.join("; ")),
             ("licence", licence(sources)),
             ("steps", last.step.to_string()),
@@ -316,4 +319,9 @@ impl School<'_, '_> {
         r.set("last_batch", energies(last));
         self.report.set("learning", r);
     }
+}
+
+/// Whether any was taught, in the words of a note.
+fn which(any: bool) -> &'static str {
+    if any { "any" } else { "one" }
 }

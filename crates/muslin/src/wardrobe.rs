@@ -1,22 +1,32 @@
 //! The wardrobe: trained garments that come with the program.
 
 use glam::DVec3;
-use muslin_body::{Avatar, Sparse, names};
+use muslin_body::{Avatar, Figure, Pose, Sparse, names};
 use muslin_garment::Worn;
 use muslin_model::{Model, Player};
 
 use crate::animate::decode_model;
 use crate::failure::{Exit, Failure};
-use crate::figure::{Sitter, body_failure};
+use crate::figure::body_failure;
+use crate::layers::{Under, over};
 use crate::outfit::{Outfit, Piece};
 use crate::train::topology;
+use crate::traits;
 
 /// Models by the name of their garment, made by `cargo xtask assets wardrobe`.
-const TAUGHT: [(&str, &[u8]); 2] = [
+const TAUGHT: [(&str, &[u8]); 4] = [
     ("tee", include_bytes!("../../../assets/wardrobe/tee.muslin")),
+    (
+        "trousers",
+        include_bytes!("../../../assets/wardrobe/trousers.muslin"),
+    ),
     (
         "skirt",
         include_bytes!("../../../assets/wardrobe/skirt.muslin"),
+    ),
+    (
+        "dress",
+        include_bytes!("../../../assets/wardrobe/dress.muslin"),
     ),
 ];
 
@@ -37,26 +47,37 @@ pub(crate) fn model(garment: &str) -> Result<Model, Failure> {
     decode_model(name, bytes)
 }
 
-/// Where trained garments say that an outfit lies on somebody [m]; nothing if one of them was not
+/// Where trained garments say that an outfit lies on somebody [m] in a pose; nothing if one of them was not
 /// taught, or not in this cut.
 ///
-/// The network knows its own garment's folds in a pose; they are laid over the garment as it is cut
-/// for this body, whatever its shape and fabric.
+/// The network knows its own garment's folds in a pose, for this shape and fabric where it was told of
+/// them; they are laid over the garment as it is cut for this body.
 pub(crate) fn laid(
     avatar: &Avatar,
     (outfit, worn): (&Outfit, &[Worn]),
-    sitter: &Sitter,
+    (figure, pose): (&Figure, &Pose),
 ) -> Option<Vec<DVec3>> {
-    let mut out = Vec::new();
+    let (mut out, mut under) = (Vec::new(), Vec::new());
+    let measures = avatar.measure(figure);
+    let bones = avatar.bones(figure, pose);
     for (piece, worn) in outfit.pieces.iter().zip(worn) {
-        let model = fitted(taught(piece)?, &worn.verts);
+        let model = traits::told(
+            fitted(taught(piece)?, &worn.verts),
+            (&piece.fabric, &measures),
+        );
         let mut player = Player::new(&model, avatar).ok()?;
         let mut verts = vec![[0.0; 3]; player.n_verts()];
-        player.frame(&sitter.pose, &sitter.posed.bones, &mut verts);
+        player.frame(pose, &bones, &mut verts);
         let wide = |p: [f32; 3]| DVec3::from_array(p.map(f64::from));
-        out.extend(verts.into_iter().map(wide));
+        let mut verts: Vec<DVec3> = verts.into_iter().map(wide).collect();
+        if !verts.iter().all(|p| p.is_finite()) {
+            return None;
+        }
+        over(&mut verts, &piece.garment.faces, &under);
+        under.push(Under::new(&piece.garment, &verts));
+        out.extend(verts);
     }
-    out.iter().all(|p| p.is_finite()).then_some(out)
+    Some(out)
 }
 
 /// The model of a garment of the outfit, if it is of just these triangles.
@@ -91,10 +112,11 @@ pub(crate) fn fitted(model: Model, rest: &[DVec3]) -> Model {
 
 #[cfg(test)]
 mod tests {
-    use muslin_body::{Pose, Shape};
+    use muslin_body::Shape;
 
     use super::*;
     use crate::drape::put_on;
+    use crate::figure::Sitter;
     use crate::options::{DressOptions, Wear};
 
     fn outfit(avatar: &Avatar, worn: &str, edge: f64) -> Outfit {
@@ -131,7 +153,7 @@ mod tests {
             let lie = |worn: &str| {
                 let outfit = outfit(&avatar, worn, DressOptions::default().edge);
                 let worn = put_on(&avatar, &outfit, &sitter.figure).expect("it can be worn");
-                laid(&avatar, (&outfit, &worn), &sitter)
+                laid(&avatar, (&outfit, &worn), (&sitter.figure, &sitter.pose))
             };
             let shirt = lie("tee").expect("it was taught");
             let skin = muslin_geom::Surface::new(

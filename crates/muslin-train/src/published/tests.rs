@@ -9,9 +9,9 @@ use super::clips::{Batch, Frame};
 use super::net::Chance;
 use super::work::Work;
 use super::{Course, Published, System};
+use crate::Training;
 use crate::lanes::Row;
 use crate::testing::Class;
-use crate::{Lesson, Training};
 
 static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
 const ALL: [System; 3] = [System::Pbns, System::Snug, System::Ncs];
@@ -19,13 +19,7 @@ const ALL: [System; 3] = [System::Pbns, System::Snug, System::Ncs];
 /// A trainer of a short piece of the wave.
 fn trainer(course: Course) -> Published<'static> {
     let class = &*CLASS;
-    let lesson = Lesson {
-        avatar: &class.avatar,
-        figure: &class.figure,
-        cloth: &class.cloth,
-        template: &class.template,
-        weights: &class.weights,
-    };
+    let lesson = class.lesson();
     let motion = Motion {
         fps: 25.0,
         poses: class.poses[10..27].to_vec(),

@@ -305,6 +305,7 @@ impl Training for Published<'_> {
             encoder: self.encoder.clone(),
             params: network.to_vec(),
             modes,
+            traits: Vec::new(),
             sway: None,
         }
     }

@@ -12,12 +12,13 @@ use muslin_sim::{Cloth, Settled};
 use rayon::prelude::*;
 
 use super::clock::{least_of, load};
-use super::{needed, swing};
+use super::{fabrics, needed, swing};
 use crate::animate::{along, as_trained, fits, model_failure, predict, read_model, refined};
 use crate::dress::asked_shape;
 use crate::evaluate::evaluate;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
+use crate::options::DressOptions;
 use crate::outfit::Outfit;
 use crate::simulate::SimulateOptions;
 use crate::simulate::motion;
@@ -139,8 +140,12 @@ impl Subject {
 }
 
 /// The figures of the `models` on recordings of the data folder, side by side, `cases` frames in
-/// all for each.
-pub fn garments(data: Option<&Path>, models: &[PathBuf], cases: usize) -> Result<String, Failure> {
+/// all for each; on the body and in the fabric of `worn`, where it says so, else as they were taught.
+pub fn garments(
+    data: Option<&Path>,
+    models: &[PathBuf],
+    (cases, worn): (usize, &DressOptions),
+) -> Result<String, Failure> {
     let data = needed(data)?;
     if models.is_empty() {
         let fault = Failure::new(Exit::Usage, "no-model", "no model to measure");
@@ -167,22 +172,28 @@ pub fn garments(data: Option<&Path>, models: &[PathBuf], cases: usize) -> Result
         for (k, subject) in subjects.iter().enumerate() {
             let name = clip_name(clip, k == 0);
             let at = &data.join(clip);
-            rates[k] = one_clip((&avatar, subject), (at, name.clone()), n, &mut table)?;
+            rates[k] = one_clip((&avatar, subject), (at, worn, name.clone()), n, &mut table)?;
             if swings::are_ours(&subject.model) {
                 let names = [name.as_str(), &subject.name()];
-                swing::rows((&avatar, &subject.model), (at, names), &mut motion)?;
+                swing::rows((&avatar, &subject.model), (at, worn, names), &mut motion)?;
             }
         }
+    }
+    let mut cloths = Table::new(&fabrics::HEADS);
+    for subject in &subjects {
+        let name = subject.name();
+        fabrics::rows((&avatar, &subject.model), (worn, &name), &mut cloths)?;
     }
     let lines = subjects.iter().zip(rates);
     let lines: Vec<String> = lines.map(|(s, r)| format!("{}\n{r}", s.told())).collect();
     Ok(format!(
-        "{}\n\n{}\n\n{}\n{}\n\
+        "{}\n\n{}\n\n{}\n\n{}\n{}\n\
          strain: StVK of the reference cloth; gap: stretch, bending and weight in the garment's own \
          fabric above\nthe solver after {CONVERGED} more iterations; crossings and pairs are a frame's mean, by exact predicates\n\
          swing: how cloth moves beyond where the network says that it rests; alike: 1 where it is the simulator's",
         table.text(),
         motion.text(),
+        cloths.text(),
         lines.join("\n"),
         load(),
     ))
@@ -199,7 +210,7 @@ fn clip_name(clip: &str, is_first: bool) -> String {
 
 fn one_clip(
     (avatar, subject): (&Avatar, &Subject),
-    (clip, name): (&Path, String),
+    (clip, worn, name): (&Path, &DressOptions, String),
     n: usize,
     table: &mut Table,
 ) -> Result<String, Failure> {
@@ -209,7 +220,8 @@ fn one_clip(
         ..subject.model.clone()
     };
     let (fps, every) = subject.rate();
-    let set = set((avatar, model), (clip, fps), None)?;
+    let set = set((avatar, model), (clip, fps, worn), None)?;
+    let model = &set.told(model.clone())?;
     let raw = predict((&set, model), (1.0, every))?;
     let plain = Model {
         modes: vec![0.0; model.modes.len()],
@@ -274,11 +286,12 @@ fn one_clip(
 /// A model's garment and body on a clip, or on its first seconds.
 pub(super) fn set<'a>(
     (avatar, model): (&'a Avatar, &Model),
-    (clip, fps): (&Path, f64),
+    (clip, fps, worn): (&Path, f64, &DressOptions),
     seconds: Option<f64>,
 ) -> Result<Set<'a>, Failure> {
     let options = SimulateOptions {
         seconds,
+        dress: worn.clone(),
         motion: clip.to_string_lossy().into_owned(),
         fps,
         ..SimulateOptions::default()
@@ -353,9 +366,10 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        let fault = garments(None, &[], 3).expect_err("no data");
+        let fault = garments(None, &[], (3, &DressOptions::default())).expect_err("no data");
         assert_eq!(fault.code, "no-data");
-        let fault = garments(Some(Path::new(".")), &[], 3).expect_err("no model");
+        let fault = garments(Some(Path::new(".")), &[], (3, &DressOptions::default()))
+            .expect_err("no model");
         assert_eq!((fault.code, fault.exit), ("no-model", Exit::Usage));
     }
 }

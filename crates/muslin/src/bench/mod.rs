@@ -6,6 +6,7 @@
 mod clock;
 mod cloth;
 mod crowd;
+mod fabrics;
 mod garments;
 mod rooms;
 mod swing;

@@ -11,6 +11,7 @@ use muslin_sim::{Options, SimError, simulate};
 use super::garments::{REFINE, set};
 use crate::animate::{along, predict};
 use crate::failure::{Exit, Failure};
+use crate::options::DressOptions;
 use crate::simulate::set::Set;
 use crate::swings;
 use crate::table::Table;
@@ -18,9 +19,9 @@ use crate::watch::Watch;
 
 /// Seconds of a clip that are danced, and frames a second that are compared.
 const SECONDS: f64 = 2.5;
-const FPS: f64 = 30.0;
+pub(super) const FPS: f64 = 30.0;
 /// Simulated frames for each of them: the simulator at the rate that it is made for.
-const FINER: usize = 2;
+pub(super) const FINER: usize = 2;
 
 /// Adds the rows of a clip: what cloth does beyond where it would rest.
 ///
@@ -29,14 +30,14 @@ const FINER: usize = 2;
 /// elsewhere) does not count.
 pub(super) fn rows(
     (avatar, model): (&Avatar, &Model),
-    (clip, names): (&Path, [&str; 2]),
+    (clip, worn, names): (&Path, &DressOptions, [&str; 2]),
     table: &mut Table,
 ) -> Result<(), Failure> {
-    let set_at = |fps: f64| set((avatar, model), (clip, fps), Some(SECONDS));
+    let set_at = |fps: f64| set((avatar, model), (clip, fps, worn), Some(SECONDS));
     let here = set_at(FPS)?;
     let swinging = Model {
         sway: swings::swings((avatar, &here.figure), (&here.cloth, &here.start))?,
-        ..model.clone()
+        ..here.told(model.clone())?
     };
     let still = predict((&here, &swinging), (0.0, usize::MAX))?.frames;
     let raw = predict((&here, &swinging), (1.0, usize::MAX))?.frames;
@@ -82,7 +83,7 @@ pub(super) const HEADS: [&str; 6] = [
 ];
 
 /// Every `FINER`-th simulated frame.
-fn simulated(set: &Set) -> Result<Vec<Vec<DVec3>>, Failure> {
+pub(super) fn simulated(set: &Set) -> Result<Vec<Vec<DVec3>>, Failure> {
     let (rest, at) = (set.rest(), |k: usize| set.frame(k));
     let walk = set.walk(&rest, &at);
     let mut out = Vec::new();

@@ -4,6 +4,7 @@ use glam::{DAffine3, DVec3};
 use muslin_body::{Avatar, Cores, Figure, Part};
 use muslin_geom::Drape;
 use muslin_io::{Clip, sha256};
+use muslin_model::Model;
 use muslin_sim::{Cloth, Frame, Walk};
 
 use crate::drape::{cloth, put_on};
@@ -11,6 +12,7 @@ use crate::failure::Failure;
 use crate::figure::body_frame;
 use crate::hero::Hero;
 use crate::outfit::Outfit;
+use crate::{traits, wardrobe};
 
 use super::motion::Moving;
 use super::reel::Reel;
@@ -60,6 +62,17 @@ impl<'a> Set<'a> {
             bdf2: false,
             hero: None,
         })
+    }
+
+    /// A model of its first garment, laid around this body and told of it and of the fabric.
+    pub fn told(&self, model: Model) -> Result<Model, Failure> {
+        let weights = wardrobe::weights(&model, self.avatar)?;
+        let template = self.avatar.at_rest(&self.figure, (&weights, &self.start));
+        let worn = (
+            &self.outfit.pieces[0].fabric,
+            &self.avatar.measure(&self.figure),
+        );
+        Ok(traits::told(wardrobe::fitted(model, &template), worn))
     }
 
     /// The skin in a pose of the motion, the lead-in counted [m].

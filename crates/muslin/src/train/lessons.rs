@@ -1,17 +1,20 @@
 //! What a garment learns from: motions as poses or as they are, and the garment itself.
 
 use muslin_body::{Avatar, Figure, Motion, Sparse};
+use muslin_garment::Fabric;
 use muslin_net::learn::Noise;
 use muslin_sim::Cloth;
 use muslin_train::published::System;
-use muslin_train::{diffused, mixed, thinned};
+use muslin_train::{Lesson, diffused, mixed, thinned};
+use rayon::prelude::*;
 
-use super::TrainOptions;
+use super::{TrainOptions, variety};
 use crate::drape::{cloth, put_on};
 use crate::failure::Failure;
 use crate::hero::Hero;
 use crate::outfit::Outfit;
 use crate::simulate::{SimulateOptions, motion};
+use crate::traits::{self, Trait};
 
 /// Rounds in which skin weights spread, and bones a vertex follows at most.
 const DIFFUSED: (usize, usize) = (20, 6);
@@ -22,34 +25,90 @@ const APART: f64 = 10.0;
 /// Poses a second of motions that are learnt from in time.
 pub(crate) const IN_TIME: f64 = 30.0;
 
-/// A garment as it is taught.
+/// A garment as somebody wears it who is learnt from.
 pub(super) struct Pupil {
+    pub figure: Figure,
     pub cloth: Cloth,
     /// Where it lies around the body at rest [m].
     pub template: Vec<glam::DVec3>,
+    pub traits: Vec<Trait>,
+}
+
+/// A garment as it is taught.
+pub(super) struct Class {
+    /// The wearer and the fabric that were asked for, then others.
+    pub pupils: Vec<Pupil>,
     pub weights: Sparse,
     pub fabric: String,
 }
 
-impl Pupil {
+impl Class {
     /// The one garment of an outfit.
     pub fn new(
         (avatar, figure): (&Avatar, &Figure),
         outfit: &Outfit,
-        system: Option<System>,
+        options: &TrainOptions,
     ) -> Result<Self, Failure> {
-        let (_, stood) = avatar.dressing(figure);
-        let worn = put_on(avatar, outfit, &stood)?;
         let piece = &outfit.pieces[0];
         let skin = piece.garment.skin_weights(avatar);
-        let spread = system.map_or(DIFFUSED, |s| (s.smoothed(), ALL_BONES));
+        let spread = options
+            .system
+            .map_or(DIFFUSED, |s| (s.smoothed(), ALL_BONES));
         let weights = diffused(&skin, &piece.garment.faces, spread);
+        let (fabrics, noise) = (variety::fabrics(), &mut Noise::new(options.seed ^ 0xc1a5));
+        let lessons = match options.any_fabric || options.any_shape {
+            true => variety::LESSONS,
+            false => 1,
+        };
+        let mut wear = vec![(figure.clone(), piece.fabric.clone())];
+        for _ in 1..lessons {
+            let (mut who, mut what) = wear[0].clone();
+            if options.any_shape {
+                who = variety::anybody(avatar, noise)?;
+            }
+            if options.any_fabric {
+                what = variety::any_fabric(&fabrics, noise);
+            }
+            wear.push((who, what));
+        }
+        let one = |(figure, fabric): (Figure, Fabric)| -> Result<Pupil, Failure> {
+            let mut worn = outfit.clone();
+            let mut traits = Vec::new();
+            if options.any_fabric {
+                traits.extend(traits::of_fabric(&fabric));
+            }
+            if options.any_shape {
+                traits.extend(traits::of_wearer(&avatar.measure(&figure)));
+            }
+            worn.pieces[0].fabric = fabric;
+            let (_, stood) = avatar.dressing(&figure);
+            let lies = put_on(avatar, &worn, &stood)?;
+            Ok(Pupil {
+                cloth: cloth(&worn, &lies),
+                template: avatar.at_rest(&figure, (&weights, &lies[0].verts)),
+                traits,
+                figure,
+            })
+        };
+        let pupils: Result<Vec<Pupil>, Failure> = wear.into_par_iter().map(one).collect();
         Ok(Self {
-            cloth: cloth(outfit, &worn),
-            template: avatar.at_rest(figure, (&weights, &worn[0].verts)),
+            pupils: pupils?,
             weights,
             fabric: piece.fabric.name.clone(),
         })
+    }
+
+    /// What is to be learnt of each of them.
+    pub fn lessons<'l>(&'l self, avatar: &'l Avatar) -> Vec<Lesson<'l>> {
+        let one = |p: &'l Pupil| Lesson {
+            avatar,
+            figure: &p.figure,
+            cloth: &p.cloth,
+            template: &p.template,
+            weights: &self.weights,
+            traits: &p.traits,
+        };
+        self.pupils.iter().map(one).collect()
     }
 }
 

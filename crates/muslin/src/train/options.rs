@@ -26,6 +26,10 @@ pub struct TrainOptions {
     pub mixed: Option<usize>,
     /// Motions that are not learnt from but judged at the end.
     pub check: Vec<String>,
+    /// Teach any fabric, not only that which is worn.
+    pub any_fabric: bool,
+    /// Teach any adult body, not only the one that was asked for.
+    pub any_shape: bool,
     /// Steps of learning.
     pub steps: u64,
     /// Learnt shapes of our own network; 64 if not said.
@@ -57,6 +61,8 @@ impl Default for TrainOptions {
             poses: 500,
             mixed: None,
             check: Vec::new(),
+            any_fabric: false,
+            any_shape: false,
             steps: Plan::default().steps,
             codes: None,
             width: None,
@@ -104,6 +110,8 @@ impl TrainOptions {
         let is = |system| self.system == Some(system);
         let ours = "our own network";
         let wrong = [
+            ("--fabric", self.any_fabric && self.system.is_some(), ours),
+            ("--shape", self.any_shape && self.system.is_some(), ours),
             (
                 "--codes",
                 self.codes.is_some() && self.system.is_some(),
@@ -145,6 +153,11 @@ impl TrainOptions {
     pub fn check(&self, out: &Path) -> Result<(), Failure> {
         self.dress.check()?;
         self.belongs()?;
+        if self.any_shape && self.dress.body.is_some() {
+            let what = "a character has a shape of its own";
+            let fault = Failure::new(Exit::Usage, "own-shape", what).at("--shape");
+            return Err(fault.hint("leave it out; --fabric any is for characters as well"));
+        }
         within("--steps", "", Some(self.steps as f64), (1.0, 1e7))?;
         within("--codes", "", self.codes.map(|x| x as f64), (2.0, 512.0))?;
         within("--poses", "", Some(self.poses as f64), (1.0, 1e5))?;

@@ -1,0 +1,79 @@
+//! Those for whom a garment is taught besides the wearer and the fabric that were asked for.
+
+use muslin_body::{Avatar, Figure, Shape};
+use muslin_garment::Fabric;
+use muslin_net::learn::Noise;
+
+use crate::failure::Failure;
+use crate::figure::body_failure;
+
+/// Wearers and fabrics in all, where anything may vary.
+pub(super) const LESSONS: usize = 32;
+
+/// How far a phenotype goes towards its ends.
+const WIDE: (f64, f64) = (0.05, 0.95);
+/// Least age, the body's youngest adult, and most.
+const AGES: (f64, f64) = (muslin_body::ADULT, 0.95);
+
+/// A body of any adult shape.
+pub(super) fn anybody(avatar: &Avatar, noise: &mut Noise) -> Result<Figure, Failure> {
+    let mut shape = Shape::default();
+    for (k, name) in muslin_body::PHENOTYPES.iter().enumerate() {
+        let (least, most) = if *name == "age" { AGES } else { WIDE };
+        shape.phenotypes[k] = least + (most - least) * noise.unit();
+    }
+    avatar.figure(&shape).map_err(|e| body_failure(&e))
+}
+
+/// The fabrics that others lie between: those of real cloth, and the paper one that models are compared
+/// in.
+pub(super) fn fabrics() -> Vec<Fabric> {
+    let known = |f: &Fabric| !f.is_paper() || f.name == "paper-snug-cotton";
+    Fabric::presets().into_iter().filter(known).collect()
+}
+
+/// A fabric somewhere between two of them, and now and then one of them.
+pub(super) fn any_fabric(fabrics: &[Fabric], noise: &mut Noise) -> Fabric {
+    let [a, b] = [0; 2].map(|_| &fabrics[noise.below(fabrics.len())]);
+    let t = noise.unit();
+    let between = |of: fn(&Fabric) -> f64| ((1.0 - t) * of(a).ln() + t * of(b).ln()).exp();
+    Fabric {
+        density: between(|f| f.density),
+        thickness: between(|f| f.thickness),
+        stretch_warp: between(|f| f.stretch_warp),
+        stretch_weft: between(|f| f.stretch_weft),
+        shear: between(|f| f.shear),
+        bend_warp: between(|f| f.bend_warp),
+        bend_weft: between(|f| f.bend_weft),
+        ..a.clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::traits::of_fabric;
+
+    #[test]
+    fn what_is_drawn_lies_between_the_fabrics_and_is_the_same_for_the_same_seed() {
+        let fabrics = fabrics();
+        assert!(fabrics.len() >= 8, "{}", fabrics.len());
+        let draw = |seed| {
+            let noise = &mut Noise::new(seed);
+            (0..50)
+                .map(|_| of_fabric(&any_fabric(&fabrics, noise)))
+                .collect::<Vec<_>>()
+        };
+        assert!(draw(1) == draw(1) && draw(1) != draw(2));
+        for k in 0..4 {
+            let known = fabrics.iter().map(|f| of_fabric(f)[k].1);
+            let (least, most) = known.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+            let drawn = draw(3);
+            let inside = |x: f64| x >= least - 1e-9 && x <= most + 1e-9;
+            assert!(drawn.iter().all(|d| inside(d[k].1)));
+            let spread = drawn.iter().map(|d| d[k].1).fold(f64::MIN, f64::max)
+                - drawn.iter().map(|d| d[k].1).fold(f64::MAX, f64::min);
+            assert!(spread > 0.6 * (most - least), "{k}: {spread}");
+        }
+    }
+}
