@@ -90,6 +90,20 @@ pub struct Common {
     pub telling: Telling,
 }
 
+/// A body's build, as far as it is asked for.
+#[derive(Debug, Args)]
+pub struct Build {
+    /// Standing height [cm]; kept exactly.
+    #[arg(long)]
+    pub height: Option<f64>,
+    /// Body weight [kg].
+    #[arg(long)]
+    pub weight: Option<f64>,
+    /// From 0 (male) to 1 (female) on the body's own scale.
+    #[arg(long)]
+    pub gender: Option<f64>,
+}
+
 /// A body and its clothes.
 #[derive(Debug, Args)]
 pub struct Wearing {
@@ -101,15 +115,9 @@ pub struct Wearing {
     /// TOML, or U3M's physics.
     #[arg(long)]
     pub fabric: Option<String>,
-    /// Standing height [cm]; kept exactly.
-    #[arg(long)]
-    pub height: Option<f64>,
-    /// Body weight [kg].
-    #[arg(long)]
-    pub weight: Option<f64>,
-    /// From 0 (male) to 1 (female) on the body's own scale.
-    #[arg(long)]
-    pub gender: Option<f64>,
+    /// Whose body.
+    #[command(flatten)]
+    pub build: Build,
     /// How loosely the garments are cut.
     #[arg(long, value_enum, default_value_t = CutName::Regular)]
     pub cut: CutName,
@@ -293,15 +301,9 @@ pub struct Animate {
     /// solver's iterations turn its folds into that fabric's.
     #[arg(long)]
     pub fabric: Option<String>,
-    /// Standing height of another body than it was taught on [cm].
-    #[arg(long)]
-    pub height: Option<f64>,
-    /// Its weight [kg].
-    #[arg(long)]
-    pub weight: Option<f64>,
-    /// From 0 (male) to 1 (female) on the body's own scale.
-    #[arg(long)]
-    pub gender: Option<f64>,
+    /// Another body than it was taught on.
+    #[command(flatten)]
+    pub build: Build,
     /// A built-in motion (see `muslin list motions`) or a file (BVH, or NPZ with poses).
     #[arg(long, default_value = "walk", value_name = "NAME|FILE")]
     pub motion: String,
@@ -412,15 +414,9 @@ pub struct Bench {
     /// The fabric in the garments figures, where it is another than the models were taught in.
     #[arg(long)]
     pub fabric: Option<String>,
-    /// The body's height in the garments figures, where it is another [cm].
-    #[arg(long)]
-    pub height: Option<f64>,
-    /// Its weight [kg].
-    #[arg(long)]
-    pub weight: Option<f64>,
-    /// From 0 (male) to 1 (female) on the body's own scale.
-    #[arg(long)]
-    pub gender: Option<f64>,
+    /// The body in the garments figures, where it is another.
+    #[command(flatten)]
+    pub build: Build,
     /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this; may be given again.
     #[arg(long)]
     pub only: Vec<String>,
@@ -534,10 +530,7 @@ impl Bench {
         worn.fabric.clone_from(&self.fabric);
         DressOptions {
             outfit: vec![worn],
-            height: self.height.map(|cm| cm / 100.0),
-            weight: self.weight,
-            gender: self.gender,
-            ..DressOptions::default()
+            ..self.build.of(DressOptions::default())
         }
     }
 }
@@ -587,12 +580,9 @@ impl Animate {
         let dress = DressOptions {
             outfit: vec![worn],
             body: character(&self.body),
-            height: self.height.map(|cm| cm / 100.0),
-            weight: self.weight,
-            gender: self.gender,
             allow_crossings: self.allow_crossings,
             backdrop: self.backdrop.into(),
-            ..SimulateOptions::default().dress
+            ..self.build.of(SimulateOptions::default().dress)
         };
         AnimateOptions {
             model: self.model.clone(),
@@ -634,13 +624,22 @@ impl From<BackdropName> for Backdrop {
     }
 }
 
+impl Build {
+    /// The `other` options with this build.
+    fn of(&self, other: DressOptions) -> DressOptions {
+        DressOptions {
+            height: self.height.map(|cm| cm / 100.0),
+            weight: self.weight,
+            gender: self.gender,
+            ..other
+        }
+    }
+}
+
 impl Wearing {
     /// The same in the library's words; what is not asked for is as in `usual`.
     fn options(&self, usual: DressOptions) -> DressOptions {
         let mut options = DressOptions {
-            height: self.height.map(|cm| cm / 100.0),
-            weight: self.weight,
-            gender: self.gender,
             cut: match self.cut {
                 CutName::Slim => Cut::Slim,
                 CutName::Regular => Cut::Regular,
@@ -649,7 +648,7 @@ impl Wearing {
             edge: self.edge / 1000.0,
             allow_crossings: self.allow_crossings,
             backdrop: self.backdrop.into(),
-            ..usual
+            ..self.build.of(usual)
         };
         if !self.garment.is_empty() {
             options.outfit = self.garment.iter().map(|g| Wear::parse(g)).collect();

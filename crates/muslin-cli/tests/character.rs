@@ -4,13 +4,13 @@ mod common;
 
 use std::path::Path;
 
-use common::{Folder, errors, muslin};
+use common::{Folder, errors, muslin, typed};
 use muslin_io::{read_character, read_clip};
 
 /// Runs `muslin simulate` on coarse cloth, which must do.
 fn simulated(options: &str) {
     let all = format!("simulate --edge 25 --fps 30 {options}");
-    let done = muslin(&all.split(' ').collect::<Vec<_>>());
+    let done = typed(&all);
     assert_eq!(done.status.code(), Some(0), "{all}: {}", errors(&done));
 }
 

@@ -5,7 +5,7 @@ mod common;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Output, Stdio};
 
-use common::{Folder, errors, muslin};
+use common::{Folder, errors, muslin, typed};
 
 /// A short training of a coarse tee.
 const TRAIN: [&str; 14] = [
@@ -189,16 +189,14 @@ fn one_model_is_taught_for_any_fabric_and_any_body_and_says_whom_it_knows() {
     let model = folder.at("any.muslin");
     let how = "train --motion wave --motion walk --edge 25 --codes 8 --steps 10 --mixed 80";
     let taught = |more: &str| {
-        let all = format!("{how} --poses 40 {more} -o {model}");
-        let done = muslin(&all.split_whitespace().collect::<Vec<_>>());
+        let done = typed(&format!("{how} --poses 40 {more} -o {model}"));
         assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
     };
     let play = |more: &str| {
         let out = folder.at("w.glb");
-        let all = format!(
+        let done = typed(&format!(
             "animate --model {model} --motion walk --seconds 0.2 --refine 0 --motion-level 0 {more} -o {out}"
-        );
-        let done = muslin(&all.split_whitespace().collect::<Vec<_>>());
+        ));
         assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
         let clip = muslin_io::read_clip(out.as_ref()).expect("just written");
         let report = std::fs::read_to_string(folder.at("w.report.json")).expect("written");

@@ -27,6 +27,21 @@ impl Mesh {
     }
 }
 
+/// Vertices that share an edge with each vertex, in order.
+pub fn neighbours(n: usize, faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
+    let mut near = vec![Vec::new(); n];
+    for f in faces {
+        for k in 0..3 {
+            near[f[k] as usize].extend([f[(k + 1) % 3], f[(k + 2) % 3]]);
+        }
+    }
+    for row in &mut near {
+        row.sort_unstable();
+        row.dedup();
+    }
+    near
+}
+
 /// Area-weighted unit normals of `verts` [m]; a vertex without area gets zero.
 pub fn vertex_normals(verts: &[DVec3], faces: &[[u32; 3]]) -> Vec<DVec3> {
     let mut sum = vec![DVec3::ZERO; verts.len()];

@@ -2,10 +2,10 @@
 
 use glam::{DMat3, DVec3};
 use muslin_energy::membrane::{self, Stretch};
+use muslin_geom::neighbours;
 
 use crate::factor::{Factor, Matrix, Pattern};
 use crate::wearer::Wearer;
-use crate::weights::neighbours;
 
 /// Tension that hanging cloth is under on the mean [N/m]: its stiffness across.
 ///

@@ -282,7 +282,7 @@ mod tests {
     use muslin_net::learn::Noise;
 
     use super::*;
-    use crate::weights::neighbours;
+    use muslin_geom::neighbours;
 
     /// A grid's springs with random directions, plus a little.
     fn spring_grid(side: u32) -> (Vec<DVec3>, Vec<Vec<u32>>, Matrix) {

@@ -184,8 +184,12 @@ impl<'a> Trainer<'a> {
 
     /// What the bits of the training depend on, in one line.
     pub(crate) fn identity(&self) -> String {
-        let one = |w: &Wearer<'_>| fingerprint(&w.lesson, self.pool.iter());
-        let all: Vec<String> = self.wearers.iter().map(one).collect();
+        // The poses are the same for all.
+        let one = |(k, w): (usize, &Wearer<'_>)| {
+            let poses = if k == 0 { &self.pool[..] } else { &[] };
+            fingerprint(&w.lesson, poses.iter())
+        };
+        let all: Vec<String> = self.wearers.iter().enumerate().map(one).collect();
         format!("{} {:?}", all.join(" "), self.plan)
     }
 

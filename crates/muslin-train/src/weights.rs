@@ -1,6 +1,7 @@
 //! Skin weights that spread evenly over the cloth.
 
 use muslin_body::Sparse;
+use muslin_geom::neighbours;
 
 /// How far a garment's skin weights spread: each round leads every vertex halfway to the mean of
 /// its neighbours; then only the `most` largest of a vertex are kept.
@@ -48,21 +49,6 @@ fn largest(dense: &[f64], most: usize) -> Vec<(u32, f64)> {
     row.sort_by_key(|e| e.0);
     let sum: f64 = row.iter().map(|e| e.1).sum();
     row.iter().map(|&(b, w)| (b, w / sum)).collect()
-}
-
-/// Vertices that share an edge with each vertex, in order.
-pub(crate) fn neighbours(n: usize, faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
-    let mut near = vec![Vec::new(); n];
-    for f in faces {
-        for k in 0..3 {
-            near[f[k] as usize].extend([f[(k + 1) % 3], f[(k + 2) % 3]]);
-        }
-    }
-    for row in &mut near {
-        row.sort_unstable();
-        row.dedup();
-    }
-    near
 }
 
 #[cfg(test)]

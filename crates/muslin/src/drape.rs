@@ -10,7 +10,7 @@ use muslin_sim::{BEYOND_LIMIT, Cloth, Frame, Material, Options, Settled, drape_w
 use crate::failure::{Exit, Failure};
 use crate::figure::Sitter;
 use crate::outfit::Outfit;
-use crate::wardrobe;
+use crate::wardrobe::Known;
 use crate::watch::Watch;
 
 /// An outfit at rest on a body.
@@ -131,17 +131,18 @@ pub(crate) fn lay_outfit(
 ) -> Result<Dressed, Failure> {
     let worn = put_on(avatar, outfit, &sitter.figure)?;
     let faces = cloth(outfit, &worn).faces;
-    let laid = |share: f64| {
-        let pose = sitter.on_the_way(avatar, share);
-        let start = wardrobe::laid(avatar, (outfit, &worn), (&sitter.figure, &pose))?;
-        let mesh = Mesh {
-            verts: start,
-            faces: faces.clone(),
-        };
-        let crossed = self_intersections(&mesh).len();
-        (crossed <= CROSSED).then_some((share, mesh.verts))
+    let laid = |mut known: Known<'_>| {
+        BEGUN.into_iter().find_map(|share| {
+            let mesh = Mesh {
+                verts: known.laid(&sitter.on_the_way(avatar, share))?,
+                faces: faces.clone(),
+            };
+            let crossed = self_intersections(&mesh).len();
+            (crossed <= CROSSED).then_some((share, mesh.verts))
+        })
     };
-    if let Some((share, start)) = BEGUN.into_iter().find_map(laid) {
+    let known = Known::new((avatar, &sitter.figure), (outfit, &worn));
+    if let Some((share, start)) = known.and_then(laid) {
         let path = sitter.path(avatar, (share, TURN));
         let body = (path.as_slice(), avatar.collision_faces());
         let options = Options {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use muslin_garment::Garment;
-use muslin_geom::Surface;
+use muslin_geom::{Surface, neighbours};
 
 /// Room between two layers of cloth [m].
 const ROOM: f64 = 0.004;
@@ -46,12 +46,7 @@ impl Under {
 
 /// Leads the cloth at `x` [m] out of all that it is worn over.
 pub(crate) fn over(x: &mut [DVec3], faces: &[[u32; 3]], under: &[Under]) {
-    let mut near = vec![Vec::new(); x.len()];
-    for f in faces {
-        for k in 0..3 {
-            near[f[k] as usize].push(f[(k + 1) % 3] as usize);
-        }
-    }
+    let near = neighbours(x.len(), faces);
     for layer in under {
         for _ in 0..ROUNDS {
             let pushes: Vec<Option<DVec3>> = x.iter().map(|p| layer.push(*p)).collect();
@@ -65,7 +60,7 @@ pub(crate) fn over(x: &mut [DVec3], faces: &[[u32; 3]], under: &[Under]) {
                 let even = |v: usize| match pushes[v] {
                     Some(d) => d,
                     None => {
-                        near[v].iter().map(|j| moves[*j]).sum::<DVec3>()
+                        near[v].iter().map(|j| moves[*j as usize]).sum::<DVec3>()
                             / near[v].len().max(1) as f64
                     }
                 };

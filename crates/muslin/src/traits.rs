@@ -33,7 +33,7 @@ pub(crate) fn of_wearer(m: &Measures) -> [Trait; 7] {
 
 /// The model for a fabric and a wearer, as far as it is told of them.
 pub(crate) fn told(model: Model, (fabric, wearer): (&Fabric, &Measures)) -> Model {
-    let all = all(fabric, wearer);
+    let all = [&of_fabric(fabric)[..], &of_wearer(wearer)].concat();
     model.told(|name| Some(all.iter().find(|t| t.0 == name)?.1))
 }
 
@@ -51,8 +51,4 @@ pub(crate) fn taught(model: &Model, traits: &[Trait]) -> bool {
             (least - beside..=most + beside).contains(x)
         })
     })
-}
-
-fn all(fabric: &Fabric, wearer: &Measures) -> Vec<Trait> {
-    [&of_fabric(fabric)[..], &of_wearer(wearer)].concat()
 }

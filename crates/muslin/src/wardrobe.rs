@@ -47,37 +47,60 @@ pub(crate) fn model(garment: &str) -> Result<Model, Failure> {
     decode_model(name, bytes)
 }
 
-/// Where trained garments say that an outfit lies on somebody [m] in a pose; nothing if one of them was not
-/// taught, or not in this cut.
+/// Seconds between poses of which there is only one.
+const STEP: f64 = 1.0 / 30.0;
+
+/// An outfit of trained garments on somebody, which knows where it lies in a pose.
 ///
-/// The network knows its own garment's folds in a pose, for this shape and fabric where it was told of
-/// them; they are laid over the garment as it is cut for this body.
-pub(crate) fn laid(
-    avatar: &Avatar,
-    (outfit, worn): (&Outfit, &[Worn]),
-    (figure, pose): (&Figure, &Pose),
-) -> Option<Vec<DVec3>> {
-    let (mut out, mut under) = (Vec::new(), Vec::new());
-    let measures = avatar.measure(figure);
-    let bones = avatar.bones(figure, pose);
-    for (piece, worn) in outfit.pieces.iter().zip(worn) {
-        let model = traits::told(
-            fitted(taught(piece)?, &worn.verts),
-            (&piece.fabric, &measures),
-        );
-        let mut player = Player::new(&model, avatar).ok()?;
-        let mut verts = vec![[0.0; 3]; player.n_verts()];
-        player.frame(pose, &bones, &mut verts);
-        let wide = |p: [f32; 3]| DVec3::from_array(p.map(f64::from));
-        let mut verts: Vec<DVec3> = verts.into_iter().map(wide).collect();
-        if !verts.iter().all(|p| p.is_finite()) {
-            return None;
-        }
-        over(&mut verts, &piece.garment.faces, &under);
-        under.push(Under::new(&piece.garment, &verts));
-        out.extend(verts);
+/// The networks know their own garment's folds in a pose, for this shape and fabric where they were told
+/// of them; they are laid over the garments as they are cut for this body.
+pub(crate) struct Known<'a> {
+    avatar: &'a Avatar,
+    figure: &'a Figure,
+    pieces: Vec<(&'a Piece, Player)>,
+}
+
+impl<'a> Known<'a> {
+    /// Nothing if one of the garments was not taught, or not in this cut.
+    pub fn new(
+        (avatar, figure): (&'a Avatar, &'a Figure),
+        (outfit, worn): (&'a Outfit, &[Worn]),
+    ) -> Option<Self> {
+        let models = outfit.pieces.iter().map(taught);
+        let models: Vec<Model> = models.collect::<Option<_>>()?;
+        let measures = avatar.measure(figure);
+        let all = outfit.pieces.iter().zip(worn).zip(models);
+        let one = |((piece, worn), model): ((&'a Piece, &Worn), Model)| {
+            let model = traits::told(fitted(model, &worn.verts), (&piece.fabric, &measures));
+            Some((piece, Player::new(&model, avatar).ok()?))
+        };
+        let pieces = all.map(one).collect::<Option<_>>()?;
+        Some(Self {
+            avatar,
+            figure,
+            pieces,
+        })
     }
-    Some(out)
+
+    /// Where it lies [m]; nothing if that is nowhere.
+    pub fn laid(&mut self, pose: &Pose) -> Option<Vec<DVec3>> {
+        let (mut out, mut under) = (Vec::new(), Vec::new());
+        let bones = self.avatar.bones(self.figure, pose);
+        for (piece, player) in &mut self.pieces {
+            let mut verts = vec![[0.0; 3]; player.n_verts()];
+            player.begin(STEP);
+            player.frame(pose, &bones, &mut verts);
+            let wide = |p: [f32; 3]| DVec3::from_array(p.map(f64::from));
+            let mut verts: Vec<DVec3> = verts.into_iter().map(wide).collect();
+            if !verts.iter().all(|p| p.is_finite()) {
+                return None;
+            }
+            over(&mut verts, &piece.garment.faces, &under);
+            under.push(Under::new(&piece.garment, &verts));
+            out.extend(verts);
+        }
+        Some(out)
+    }
 }
 
 /// The model of a garment of the outfit, if it is of just these triangles.
@@ -153,7 +176,7 @@ mod tests {
             let lie = |worn: &str| {
                 let outfit = outfit(&avatar, worn, DressOptions::default().edge);
                 let worn = put_on(&avatar, &outfit, &sitter.figure).expect("it can be worn");
-                laid(&avatar, (&outfit, &worn), (&sitter.figure, &sitter.pose))
+                Known::new((&avatar, &sitter.figure), (&outfit, &worn))?.laid(&sitter.pose)
             };
             let shirt = lie("tee").expect("it was taught");
             let skin = muslin_geom::Surface::new(

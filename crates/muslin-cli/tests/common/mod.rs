@@ -12,6 +12,11 @@ pub fn muslin(args: &[&str]) -> Output {
         .expect("the program starts")
 }
 
+/// Runs the program with arguments as they are typed, none of which has a space in it.
+pub fn typed(line: &str) -> Output {
+    muslin(&line.split_whitespace().collect::<Vec<_>>())
+}
+
 /// What it said on the error stream.
 pub fn errors(out: &Output) -> String {
     String::from_utf8_lossy(&out.stderr).into_owned()
