@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use muslin::{
-    AnimateOptions, Backdrop, Cut, DressOptions, Person, SimulateOptions, System, TrainOptions,
-    Wear,
+    AnimateOptions, Backdrop, Bake, Cut, DressOptions, Person, SimulateOptions, System,
+    TrainOptions, Wear,
 };
 
 /// Dresses any body in moving cloth: from a photo to a 3D figure wearing draped garments.
@@ -143,6 +143,39 @@ pub struct Telling {
     pub quiet: bool,
 }
 
+/// What of a motion is made, and how an animation is written.
+#[derive(Debug, Args)]
+pub struct Shot {
+    /// How garments are written in the animation: `frames` (each exactly as it is, a morph target),
+    /// `morphs[:N]` (N targets that are mixed, else 32, above a few bones: a small file for the web) or
+    /// `bones[:N]` (N bones of the garment's own, else 128, and no target: for phones and engines). Skin
+    /// that stays covered is left out of a baked file.
+    #[arg(long, value_name = "HOW", default_value = "frames", value_parser = Bake::parse)]
+    pub bake: Bake,
+    /// Also draw the last frame (OUT.png) and a film (OUT.film.png, animated).
+    #[arg(long)]
+    pub picture: bool,
+    /// How much of the motion [s] [default: all].
+    #[arg(long)]
+    pub seconds: Option<f64>,
+    /// Where in the motion to start [s].
+    #[arg(long, default_value_t = 0.0)]
+    pub start: f64,
+}
+
+impl Shot {
+    /// Its part of the library's options.
+    fn of(&self, options: SimulateOptions) -> SimulateOptions {
+        SimulateOptions {
+            bake: self.bake,
+            picture: self.picture,
+            seconds: self.seconds,
+            start: self.start,
+            ..options
+        }
+    }
+}
+
 /// Options of `simulate`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -177,18 +210,12 @@ pub struct Simulate {
     /// Also write a point cache and an OBJ of every garment and of the body into this folder.
     #[arg(long, value_name = "DIR")]
     pub pc2: Option<PathBuf>,
-    /// Also draw the last frame (OUT.png) and a film (OUT.film.png, animated).
-    #[arg(long)]
-    pub picture: bool,
+    /// What of it is made, and how.
+    #[command(flatten)]
+    pub shot: Shot,
     /// Frames a second, 12 to 240.
     #[arg(long, default_value_t = 60.0)]
     pub fps: f64,
-    /// How much of the motion [s] [default: all].
-    #[arg(long)]
-    pub seconds: Option<f64>,
-    /// Where in the motion to start [s].
-    #[arg(long, default_value_t = 0.0)]
-    pub start: f64,
     /// Second order in time (BDF2): swings and ripples keep more of their energy, frames take
     /// longer.
     #[arg(long)]
@@ -282,6 +309,7 @@ Examples:
   muslin animate --model tee.muslin --motion dance.bvh --npz dance.npz --picture -o dance.glb
   muslin animate --model tee.muslin --motion walk --refine 0 -o raw.glb      as predicted, unchecked
   muslin animate --garment skirt --motion spin --motion-level 0.7            with less swing
+  muslin animate --garment tee --motion walk --bake morphs -o small.glb      a small file for the web
   muslin animate --body hero.glb --model hero-tee.muslin --motion walk       a character, taught with train --body
 
 OUT.report.json says how good the result is.")]
@@ -324,18 +352,12 @@ pub struct Animate {
     /// Also write a point cache and an OBJ of the garment and of the body into this folder.
     #[arg(long, value_name = "DIR")]
     pub pc2: Option<PathBuf>,
-    /// Also draw the last frame (OUT.png) and a film (OUT.film.png, animated).
-    #[arg(long)]
-    pub picture: bool,
+    /// What of it is made, and how.
+    #[command(flatten)]
+    pub shot: Shot,
     /// Frames a second, 12 to 240.
     #[arg(long, default_value_t = 30.0)]
     pub fps: f64,
-    /// How much of the motion [s] [default: all].
-    #[arg(long)]
-    pub seconds: Option<f64>,
-    /// Where in the motion to start [s].
-    #[arg(long, default_value_t = 0.0)]
-    pub start: f64,
     /// Write the result even if cloth meets cloth or body somewhere.
     #[arg(long)]
     pub allow_crossings: bool,
@@ -505,21 +527,19 @@ impl Simulate {
     /// The same in the library's words.
     pub fn options(&self) -> SimulateOptions {
         let dress = self.wearing.options(SimulateOptions::default().dress);
-        SimulateOptions {
+        self.shot.of(SimulateOptions {
             dress: DressOptions {
                 body: character(&self.body),
                 ..dress
             },
             motion: self.motion[0].clone(),
             fps: self.fps,
-            seconds: self.seconds,
-            start: self.start,
             bdf2: self.bdf2,
             resume: self.resume,
-            picture: self.picture,
             npz: self.npz.clone(),
             pc2: self.pc2.clone(),
-        }
+            ..SimulateOptions::default()
+        })
     }
 }
 
@@ -586,18 +606,14 @@ impl Animate {
         };
         AnimateOptions {
             model: self.model.clone(),
-            simulate: SimulateOptions {
+            simulate: self.shot.of(SimulateOptions {
                 dress,
                 motion: self.motion.clone(),
                 fps: self.fps,
-                seconds: self.seconds,
-                bdf2: false,
-                start: self.start,
-                resume: false,
-                picture: self.picture,
                 npz: self.npz.clone(),
                 pc2: self.pc2.clone(),
-            },
+                ..SimulateOptions::default()
+            }),
             refine: self.refine,
             motion_level: self.motion_level,
         }

@@ -69,6 +69,25 @@ fn a_character_wears_a_tee_in_its_own_animation_and_keeps_its_skeleton() {
     assert!(off < 1e-4, "{off}");
 }
 
+#[test]
+fn a_character_in_a_baked_garment_is_still_that_character() {
+    let folder = Folder::new("hero-bake");
+    let hero = character(&folder);
+    let out = folder.at("baked.glb");
+    simulated(&format!(
+        "--body {hero} --motion simulation --seconds 0.1 --bake bones:12 -o {out}"
+    ));
+    let read = |p: &str| read_character(Path::new(p)).expect("it can be read");
+    let (before, after) = (read(&hero), read(&out));
+    assert_eq!(
+        before.character.names, after.character.names,
+        "no handle of the tee"
+    );
+    assert_eq!(before.character.faces, after.character.faces);
+    let clip = read_clip(Path::new(&out)).expect("it can be read");
+    assert_eq!((clip.garments().len(), clip.drape.frames.len()), (1, 3));
+}
+
 /// The same file with another JSON.
 fn with_json(bytes: &[u8], change: impl Fn(&str) -> String) -> Vec<u8> {
     let word =

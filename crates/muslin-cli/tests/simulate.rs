@@ -70,6 +70,40 @@ fn an_animation_comes_with_its_report_arrays_and_caches_that_can_be_judged() {
 }
 
 #[test]
+fn a_baked_animation_has_bones_or_mixed_targets_and_says_how_far_off_it_is() {
+    let folder = Folder::new("bake");
+    for (how, farthest) in [("bones:24", 0.02), ("morphs:5", 2e-3)] {
+        let (out, npz) = (folder.at("w.glb"), folder.at("a.npz"));
+        let done = wave(&out, &["--npz", &npz, "--bake", how, "--outfit", "tee"]);
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        let report = std::fs::read_to_string(folder.at("w.report.json")).expect("written");
+        for figure in ["off_mean_mm", "off_p99_mm", "pairs_through_shown_skin"] {
+            assert!(report.contains(figure), "{figure} is missing:\n{report}");
+        }
+        let bytes = std::fs::read(&out).expect("written");
+        let text = String::from_utf8_lossy(&bytes);
+        assert!(text.contains("tee handle 0"), "{how}: bones of its own");
+        assert_eq!(text.contains("\"targets\""), how == "morphs:5", "{how}");
+        let read = |p: &str| muslin_io::read_clip(Path::new(p)).expect("it can be read");
+        let (baked, all) = (read(&out), read(&npz));
+        assert_eq!(baked.drape.faces, all.drape.faces);
+        let mut off = 0.0f64;
+        for (a, b) in baked.drape.frames.iter().zip(&all.drape.frames) {
+            let pairs = a.iter().zip(b);
+            off = pairs.map(|(a, b)| a.distance(*b)).fold(off, f64::max);
+        }
+        assert!(off > 1e-5 && off < farthest, "{how}: {off} m");
+        assert!(
+            baked.body_faces.len() + 200 < all.body_faces.len(),
+            "{how}: covered skin is left out"
+        );
+    }
+    let done = wave(&folder.at("x.glb"), &["--bake", "vat"]);
+    assert_eq!(done.status.code(), Some(2));
+    assert!(errors(&done).contains("morphs[:N]"), "{}", errors(&done));
+}
+
+#[test]
 fn the_same_command_gives_the_same_bytes_and_json_when_asked() {
     let folder = Folder::new("twice");
     let run = |name: &str| {

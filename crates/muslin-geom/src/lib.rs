@@ -2,6 +2,7 @@
 //!
 //! Everything is in metres, right-handed, Y up. This room knows no cloth and no people.
 
+mod bake;
 pub mod bvh;
 pub mod ccd;
 pub mod closest;
@@ -16,7 +17,9 @@ mod report;
 mod swept;
 #[cfg(test)]
 mod testing;
+mod turn;
 
+pub use bake::{Bake, Baked};
 pub use bvh::{Aabb, Bvh};
 pub use closest::{Closest, Surface};
 pub use cut::{Cut, OnEdge, cut};
@@ -28,3 +31,4 @@ pub use mesh::{Mesh, neighbours, vertex_normals};
 pub use remesh::{OnFace, RemeshOptions, Remeshed, remesh};
 pub use report::{Report, Value};
 pub use swept::Swept;
+pub use turn::{best_turn, turn_of};

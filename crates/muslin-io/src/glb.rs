@@ -4,6 +4,7 @@
 //! vertex instead of 32, at 1/65,534 of the size of the thing, 0.03 mm for a person. Eight-bit
 //! normals would save 4 bytes more, but their 0.4° show as bands on smooth skin.
 
+mod baked;
 mod bin;
 mod buffer;
 mod character;
@@ -13,7 +14,7 @@ mod moving;
 mod pack;
 mod play;
 mod tangent;
-mod turn;
+mod track;
 
 use glam::DVec3;
 use serde_json::{Value, json};

@@ -34,7 +34,7 @@ pub use error::{Fault, IoError, Place, name, quote};
 pub use fabric_file::{FabricFile, parse_fabric, read_fabric};
 pub use glb::{
     CharacterFile, Dressed, GlbOptions, Moved, Skinned, dressed_glb, glb, moving_glb,
-    read_character, stored_positions,
+    read_character, read_moving, stored_positions,
 };
 pub use input::{Input, files_in, read_file};
 pub use journal::Journal;

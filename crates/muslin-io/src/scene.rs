@@ -140,16 +140,25 @@ impl Node {
         (self, sources)
     }
 
+    /// The vertices that triangles use, in order.
+    ///
+    /// # Panics
+    /// If a triangle has a corner that is no vertex.
+    pub(crate) fn used(&self) -> Vec<usize> {
+        let mut is_used = vec![false; self.mesh.verts.len()];
+        for corner in self.mesh.faces.as_flattened() {
+            is_used[*corner as usize] = true;
+        }
+        (0..is_used.len()).filter(|&i| is_used[i]).collect()
+    }
+
     /// Leaves out vertices that no triangle uses; the rest keep their order.
     ///
     /// # Panics
     /// If a triangle has a corner that is no vertex.
     pub fn without_unused(mut self) -> Self {
+        let used = self.used();
         let mut new_of = vec![u32::MAX; self.mesh.verts.len()];
-        for corner in self.mesh.faces.as_flattened() {
-            new_of[*corner as usize] = 0;
-        }
-        let used: Vec<usize> = (0..new_of.len()).filter(|&i| new_of[i] == 0).collect();
         for (new, &old) in used.iter().enumerate() {
             new_of[old] = new as u32;
         }

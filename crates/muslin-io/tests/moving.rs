@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec2, DVec3};
 use muslin_body::{Avatar, ExportRig, Figure, Part as Of, Shape, motions};
-use muslin_geom::{Mesh, Part};
+use muslin_geom::{Bake, Baked, Mesh, Part};
 use muslin_io::{Clip, Moved, Node, Scene, Skinned, moving_glb, read_clip};
 
 struct Stage {
@@ -60,6 +60,11 @@ impl Stage {
     }
 
     fn glb(&self, clip: &Clip, bones: Vec<Vec<DAffine3>>) -> Vec<u8> {
+        self.baked_glb(clip, bones, None)
+    }
+
+    /// With the cloth as handles and shapes, and without the left half of the body, if `baked`.
+    fn baked_glb(&self, clip: &Clip, bones: Vec<Vec<DAffine3>>, baked: Option<Baked>) -> Vec<u8> {
         let uvs: Vec<DVec2> = self
             .avatar
             .uvs()
@@ -76,7 +81,16 @@ impl Stage {
         };
         let body = node("body", &clip.body[0], &clip.body_faces);
         let (body, source) = body.with_corner_uvs_and_sources(self.avatar.body_face_uvs(), &uvs);
-        let body = Moved { node: body, source };
+        let body = Moved {
+            node: body,
+            source,
+            baked: None,
+        };
+        let is_left = |i: u32| clip.body[0][i as usize].x > 0.0;
+        let body = match baked.is_some() {
+            true => body.without(is_left),
+            false => body,
+        };
         let cloth = node("tights", &clip.drape.frames[0], &clip.drape.faces);
         // A seam through the middle: corners of faces on the left have coordinates of their own.
         let n = clip.n_verts() as u32;
@@ -94,6 +108,7 @@ impl Stage {
         let cloth = Moved {
             node: cloth,
             source,
+            baked,
         };
         let skin = Skinned {
             rig: &self.rig.rig,
@@ -154,6 +169,45 @@ fn cloth_and_body_come_back_from_any_motion() {
 }
 
 #[test]
+fn baked_cloth_comes_back_as_handles_and_shapes_have_it() {
+    let stage = Stage::new();
+    for (name, handles, shapes) in [("walk", 40, 0), ("cartwheel", 12, 6)] {
+        let (clip, bones) = stage.clip(name, 12);
+        let baked = Baked::new(
+            &clip.drape.frames,
+            &clip.drape.faces,
+            Bake { handles, shapes },
+        );
+        let meant: Vec<Vec<DVec3>> = (0..12).map(|t| baked.frame(t)).collect();
+        assert!(
+            farthest(&meant, &clip.drape.frames) > 2e-4,
+            "{name}: something is lost"
+        );
+        let (whole, bytes) = (
+            stage.glb(&clip, bones.clone()).len(),
+            stage.baked_glb(&clip, bones, Some(baked)),
+        );
+        let read = back(&bytes, &format!("{name}-baked"));
+        assert_eq!(read.drape.parts, clip.drape.parts);
+        assert_eq!(read.drape.faces, clip.drape.faces);
+        // Shapes are stored in 127ths.
+        let off = farthest(&read.drape.frames, &meant);
+        println!(
+            "{name}: {} of {whole} bytes, off by {off:.2e} m",
+            bytes.len()
+        );
+        assert!(off < 5e-4, "{name}: the file is off by {off} m");
+        let half = read.body_faces.len() as f64 / clip.body_faces.len() as f64;
+        assert!((0.45..0.6).contains(&half), "{name}: {half} of the body");
+        let rightmost = |x: &DVec3| x.x < 0.05;
+        assert!(
+            read.body[0].iter().filter(|x| !rightmost(x)).count() < 20,
+            "{name}"
+        );
+    }
+}
+
+#[test]
 fn a_still_is_one_frame_and_the_rate_is_kept() {
     let stage = Stage::new();
     let (mut clip, mut bones) = stage.clip("wave", 3);
@@ -182,6 +236,7 @@ fn what_does_not_go_together_or_is_not_finite_is_not_written() {
             ..Node::default()
         },
         source: (0..clip.n_verts() as u32).collect(),
+        baked: None,
     };
     let write = |clip: &Clip, moved: &Moved| {
         moving_glb(&Scene::default(), clip, None, std::slice::from_ref(moved))
@@ -243,6 +298,13 @@ fn files_for_the_validator() {
     for (name, n) in [("walk", 40), ("cartwheel", 9), ("wave", 1)] {
         let (clip, bones) = stage.clip(name, n);
         let file = folder.join(format!("moving-{name}.glb"));
-        std::fs::write(file, stage.glb(&clip, bones)).expect("the folder can be written");
+        std::fs::write(file, stage.glb(&clip, bones.clone())).expect("the folder can be written");
+        for (kind, handles, shapes) in [("bones", 40, 0), ("morphs", 12, 6)] {
+            let bake = Bake { handles, shapes };
+            let baked = Baked::new(&clip.drape.frames, &clip.drape.faces, bake);
+            let bytes = stage.baked_glb(&clip, bones.clone(), Some(baked));
+            let file = folder.join(format!("{kind}-{name}.glb"));
+            std::fs::write(file, bytes).expect("the folder can be written");
+        }
     }
 }

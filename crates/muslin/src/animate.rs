@@ -346,7 +346,11 @@ impl<'a> Theatre<'a, '_> {
                 ..fault
             });
         }
-        let mut made = files::make(set, &clip, (out, simulate))?;
+        let (mut made, baked) = files::make(set, &clip, (out, simulate))?;
+        if let Some(baked) = baked {
+            self.report.set("bake", baked.report);
+            self.warn(baked.warnings);
+        }
         let one = |m: &Made| format!("{} {:.1} MB", m.path.display(), m.bytes.len() as f64 / 1e6);
         let text = made.iter().map(one).collect::<Vec<_>>().join("  ");
         self.done(5, "write", text)?;

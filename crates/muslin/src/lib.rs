@@ -41,7 +41,7 @@ pub use muslin_train::published::System;
 pub use options::{Backdrop, DressOptions, Person, Wear};
 pub use outcome::Outcome;
 pub use outfit::{Outfit, Piece};
-pub use simulate::{SimulateOptions, simulate, simulate_several};
+pub use simulate::{Bake, SimulateOptions, simulate, simulate_several};
 pub use table::Table;
 pub use train::{TrainOptions, train};
 pub use watch::{Stage, Watch};

@@ -1,5 +1,6 @@
 //! An outfit on a moving body: from a motion to an animation on disk.
 
+mod bake;
 pub(crate) mod files;
 mod film;
 pub(crate) mod motion;
@@ -31,6 +32,7 @@ use motion::Moving;
 use quality::{Quality, round};
 use set::Set;
 
+pub use bake::Bake;
 pub use options::SimulateOptions;
 pub(crate) use several::expanded;
 pub use several::simulate_several;
@@ -156,12 +158,16 @@ impl Run<'_, '_> {
             return Err(fault);
         }
         let step = files::stride(clip.drape.frames.len());
-        if step > 1 {
+        if step > 1 && self.options.bake.is_exact() {
             self.warn(vec![format!(
-                "the GLB has every {step}th frame, since viewers take 240 morph targets; --npz and --pc2 have all"
+                "the GLB has every {step}th frame, since viewers take 240 morph targets; --bake, --npz and --pc2 have all"
             )]);
         }
-        let mut made = files::make(set, &clip, (out, self.options))?;
+        let (mut made, baked) = files::make(set, &clip, (out, self.options))?;
+        if let Some(baked) = baked {
+            self.report.set("bake", baked.report);
+            self.warn(baked.warnings);
+        }
         let text = written(&made);
         self.done(5, "write", text)?;
         self.finish(&made);

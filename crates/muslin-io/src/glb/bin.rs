@@ -1,6 +1,6 @@
 //! The binary half: numbers in a buffer, and the JSON that says where they are.
 
-use glam::{DVec2, DVec3, DVec4};
+use glam::{DQuat, DVec2, DVec3, DVec4};
 use serde_json::{Value, json};
 
 /// Component types of glTF.
@@ -178,13 +178,41 @@ impl Bin {
 
     /// Moves of normals as 8-bit fractions of one, padded to four bytes.
     pub fn bytes(&mut self, moves: &[[i8; 3]]) -> usize {
+        let view = self.padded(moves);
+        let shape = json!({ "type": "VEC3", "componentType": BYTE, "normalized": true });
+        self.accessor(view, shape)
+    }
+
+    /// Moves of positions in 8-bit cells.
+    pub fn byte_cells(&mut self, moves: &[[i8; 3]]) -> usize {
+        let view = self.padded(moves);
+        let bound = |pick: fn(i8, i8) -> i8| {
+            let merge = |a: [i8; 3], b: [i8; 3]| std::array::from_fn(|k| pick(a[k], b[k]));
+            moves.iter().copied().reduce(merge).unwrap_or_default()
+        };
+        let (low, high) = (bound(i8::min), bound(i8::max));
+        let shape = json!({ "type": "VEC3", "componentType": BYTE, "min": low, "max": high });
+        self.accessor(view, shape)
+    }
+
+    fn padded(&mut self, moves: &[[i8; 3]]) -> (usize, usize) {
         let start = self.start();
         for [x, y, z] in moves {
             self.bytes.extend([*x as u8, *y as u8, *z as u8, 0]);
         }
         let view = self.view(start, json!({ "target": VERTICES, "byteStride": 4 }));
-        let shape = json!({ "type": "VEC3", "componentType": BYTE, "normalized": true });
-        self.accessor((view, moves.len()), shape)
+        (view, moves.len())
+    }
+
+    /// Turns of an animation as 16-bit fractions of one.
+    pub fn short_turns(&mut self, turns: &[DQuat]) -> usize {
+        let start = self.start();
+        for c in turns.iter().flat_map(|q| q.to_array()) {
+            self.bytes.extend(short(c).to_le_bytes());
+        }
+        let view = self.view(start, json!({}));
+        let shape = json!({ "type": "VEC4", "componentType": SHORT, "normalized": true });
+        self.accessor((view, turns.len()), shape)
     }
 
     /// Four bones a vertex.
@@ -192,10 +220,19 @@ impl Bin {
         let (start, n) = (self.start(), joints.len());
         self.bytes.extend(joints.flatten());
         let view = self.view(start, json!({ "target": VERTICES, "byteStride": 4 }));
-        self.accessor(
-            (view, n),
-            json!({ "type": "VEC4", "componentType": UNSIGNED_BYTE }),
-        )
+        let shape = json!({ "type": "VEC4", "componentType": UNSIGNED_BYTE });
+        self.accessor((view, n), shape)
+    }
+
+    /// Their four weights in 65,535ths.
+    pub fn short_weights(&mut self, weights: impl ExactSizeIterator<Item = [u16; 4]>) -> usize {
+        let (start, n) = (self.start(), weights.len());
+        for c in weights.flatten() {
+            self.bytes.extend(c.to_le_bytes());
+        }
+        let view = self.view(start, json!({ "target": VERTICES, "byteStride": 8 }));
+        let shape = json!({ "type": "VEC4", "componentType": UNSIGNED_SHORT, "normalized": true });
+        self.accessor((view, n), shape)
     }
 
     /// Any floats, `N` to a vertex.

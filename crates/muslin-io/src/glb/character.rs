@@ -11,6 +11,7 @@ use glam::{DAffine3, DVec3};
 use muslin_body::Character;
 use serde_json::Value;
 
+use super::baked::GARMENT;
 use super::buffer::{Glb, int};
 use super::pack;
 use super::play::{Stage, matrix};
@@ -69,7 +70,7 @@ pub fn read_character(path: &Path) -> Result<CharacterFile, IoError> {
     }
     let mut reader = Reader::new(&glb)?;
     for (i, node) in glb.list("nodes").iter().enumerate() {
-        if !node["mesh"].is_null() && !node["skin"].is_null() {
+        if !node["mesh"].is_null() && !node["skin"].is_null() && !is_garment(node) {
             reader.mesh(i)?;
         }
     }
@@ -117,13 +118,27 @@ struct Reader<'a> {
     pieces: Vec<Piece>,
 }
 
+/// Skins of garments that we have written: handles, no skeleton.
+fn garments(glb: &Glb) -> Vec<usize> {
+    let nodes = glb.list("nodes").iter().filter(|n| is_garment(n));
+    nodes.filter_map(|n| int(&n["skin"])).collect()
+}
+
+fn is_garment(node: &Value) -> bool {
+    node["extras"]["muslin"] == GARMENT
+}
+
 impl<'a> Reader<'a> {
     /// Joints of all skins, parents first.
     fn new(glb: &'a Glb<'static>) -> Result<Self, IoError> {
         let stage = Stage::still(glb)?;
         let n = glb.list("nodes").len();
         let mut is_joint = vec![false; n];
+        let ours = garments(glb);
         for (s, skin) in glb.list("skins").iter().enumerate() {
+            if ours.contains(&s) {
+                continue;
+            }
             for j in skin["joints"].as_array().into_iter().flatten() {
                 let slot = int(j).and_then(|j| is_joint.get_mut(j));
                 *slot.ok_or_else(|| {
@@ -186,7 +201,7 @@ impl<'a> Reader<'a> {
         };
         // Later skins do not move what an earlier one has bound.
         let mut set = vec![false; reader.nodes.len()];
-        for s in 0..glb.list("skins").len() {
+        for s in (0..glb.list("skins").len()).filter(|s| !ours.contains(s)) {
             let (joints, back) = reader.skin(s)?;
             let first = joints.iter().zip(&back).min_by_key(|(j, _)| **j);
             let Some((first, inverse)) = first else {

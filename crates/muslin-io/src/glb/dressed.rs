@@ -44,6 +44,7 @@ pub fn dressed_glb(
     let own = list("nodes").len();
     let root = Root::over(list("nodes"), list("meshes"), list("materials"));
     let mut film = Film::over(clip, (root, bin));
+    film.skins = list("skins");
     film.garments(clip, garments)?;
     let (scale, turn, place) = dressed.file_from_ours.to_scale_rotation_translation();
     let wrapper = json!({
@@ -55,7 +56,9 @@ pub fn dressed_glb(
     });
     let stage = Stage::still(&dressed.file.glb)?;
     film.skeleton(dressed, &stage);
-    film.flesh(dressed)?;
+    if garments.iter().all(|g| g.baked.is_none()) {
+        film.flesh(dressed)?;
+    }
     film.root.nodes.push(wrapper);
     film.into_glb(base, (name, own))
 }

@@ -10,11 +10,13 @@
 
 use glam::{DAffine3, DQuat, DVec3, DVec4};
 use muslin_body::{Rig, blended};
+use muslin_geom::Baked;
 use serde_json::{Value, json};
 
+use super::baked::shorts;
 use super::bin::Bin;
 use super::json::Root;
-use super::turn::best_turn;
+use super::track::Track;
 use super::{GlbOptions, container};
 use crate::clip::Clip;
 use crate::error::{Fault, IoError, Place};
@@ -29,6 +31,20 @@ pub struct Moved {
     pub node: Node,
     /// Vertex of the garment's (or body's) frames.
     pub source: Vec<u32>,
+    /// A garment's frames as handles and shapes; without, every frame is a target.
+    pub baked: Option<Baked>,
+}
+
+impl Moved {
+    /// Leaves out triangles all of whose corners are hidden, and vertices that none is left of.
+    pub fn without(mut self, is_hidden: impl Fn(u32) -> bool) -> Self {
+        let source = &self.source;
+        let hidden = |i: &u32| is_hidden(source[*i as usize]);
+        self.node.mesh.faces.retain(|f| !f.iter().all(hidden));
+        self.source = self.node.used().iter().map(|i| source[*i]).collect();
+        self.node = self.node.without_unused();
+        self
+    }
 }
 
 /// How the body moves.
@@ -47,10 +63,9 @@ pub struct Skinned<'a> {
 /// A body beyond this from its skinned place gets a correction [m].
 pub(super) const EXACT: f64 = 1e-5;
 
-/// Cells of the grid to either side of the middle: differences of two must fit into 16 bits.
-const CELLS: f64 = 16_383.0;
-
 /// The bytes of an animated `.glb`: `body` with its skin, then the clip's garments in order.
+///
+/// Where a garment is baked, the body follows its bones alone.
 ///
 /// `scene` lends its name and copyright; its nodes are not used.
 pub fn moving_glb(
@@ -63,7 +78,8 @@ pub fn moving_glb(
     let mut film = Film::over(clip, (Root::default(), Bin::default()));
     if let Some((moved, skin)) = body {
         fits(moved, clip.body.first().map_or(0, Vec::len))?;
-        film.body(moved, skin, &clip.body)?;
+        let exact = garments.iter().all(|g| g.baked.is_none());
+        film.body(moved, skin, &clip.body, exact)?;
     }
     film.garments(clip, garments)?;
     film.finish(scene)
@@ -94,15 +110,32 @@ fn fits(moved: &Moved, n: usize) -> Result<(), IoError> {
     }
 }
 
+/// Refuses handles that are not this garment's, or more than a vertex can name.
+fn goes(baked: &Baked, part: &Clip) -> Result<(), IoError> {
+    let fits = baked.rest.len() == part.n_verts()
+        && baked.moves.len() == part.drape.frames.len()
+        && (1..=255).contains(&baked.centres.len());
+    match fits {
+        true => Ok(()),
+        false => {
+            let what = "its handles do not go with the frames";
+            Err(Fault::new("bad-scene", "the scene to write", what).invalid())
+        }
+    }
+}
+
 /// A file in the making.
 pub(super) struct Film {
     pub bin: Bin,
     pub root: Root,
     channels: Vec<Value>,
     samplers: Vec<Value>,
-    skins: Vec<Value>,
-    /// Nodes that are not below another.
+    /// Skins, the body's first.
+    pub skins: Vec<Value>,
+    /// Nodes that are not below another of ours.
     pub top: Vec<usize>,
+    /// Skinned garments, which stand where their joints are and so belong below nothing.
+    pub free: Vec<usize>,
     times: usize,
     n_frames: usize,
 }
@@ -126,13 +159,14 @@ impl Film {
             samplers: Vec::new(),
             skins: Vec::new(),
             top: Vec::new(),
+            free: Vec::new(),
             times,
             n_frames,
         }
     }
 
     /// Adds a channel whose values are the accessor `output`.
-    fn channel(&mut self, node: usize, path: &str, output: usize) {
+    pub(super) fn channel(&mut self, node: usize, path: &str, output: usize) {
         self.samplers
             .push(json!({ "input": self.times, "output": output, "interpolation": "LINEAR" }));
         self.channels.push(json!({
@@ -182,7 +216,13 @@ impl Film {
         }
         for (moved, (_, part)) in garments.iter().zip(&parts) {
             fits(moved, part.n_verts())?;
-            self.garment(moved, part);
+            match &moved.baked {
+                Some(baked) => {
+                    goes(baked, part)?;
+                    self.baked(moved, part, baked);
+                }
+                None => self.garment(moved, part),
+            }
         }
         Ok(())
     }
@@ -265,7 +305,7 @@ impl Film {
     }
 
     /// Normals, texture coordinates and triangles of a node; positions are left to the caller.
-    fn surface(&mut self, node: &Node, material: usize, options: &GlbOptions) -> Value {
+    pub(super) fn surface(&mut self, node: &Node, material: usize, options: &GlbOptions) -> Value {
         debug_assert!(options.quantised);
         let mut attributes = json!({ "NORMAL": self.bin.short_normals(&node.normals) });
         if !node.uvs.is_empty() {
@@ -276,7 +316,7 @@ impl Film {
     }
 
     /// Which vertex of the frames each vertex is; single floats count exactly to 16 million.
-    fn sources(&mut self, source: &[u32]) -> Value {
+    pub(super) fn sources(&mut self, source: &[u32]) -> Value {
         let values = source.iter().map(|&i| [i as f32]);
         self.bin
             .attribute(values, json!({ "type": "SCALAR", "componentType": 5126 }))
@@ -288,6 +328,7 @@ impl Film {
         moved: &Moved,
         skin: &Skinned,
         frames: &[Vec<DVec3>],
+        exact: bool,
     ) -> Result<(), IoError> {
         let place = |what: &str| Err(Fault::new("bad-scene", "the body to write", what).invalid());
         let (n, n_bones) = (frames[0].len(), skin.rig.n_bones());
@@ -316,16 +357,27 @@ impl Film {
         if rows.iter().any(|r| r.len() > 4) {
             return place("a vertex follows more than four bones");
         }
-        let joints = rows
-            .iter()
-            .map(|r| std::array::from_fn(|k| r.get(k).map_or(0, |w| w.0 as u8)));
-        primitive["attributes"]["JOINTS_0"] = self.bin.joints(joints).into();
-        let weights = rows.iter().map(|r| shares(r));
-        primitive["attributes"]["WEIGHTS_0"] = self
-            .bin
-            .attribute(weights, json!({ "type": "VEC4", "componentType": 5126 }))
-            .into();
-        let (owners, targets) = self.corrections(moved, skin, frames);
+        let (joints, weights) = match exact {
+            true => {
+                let joint =
+                    |r: &&[(u32, f64)]| std::array::from_fn(|k| r.get(k).map_or(0, |w| w.0 as u8));
+                let joints = self.bin.joints(rows.iter().map(joint));
+                let shape = json!({ "type": "VEC4", "componentType": 5126 });
+                let weights = rows.iter().map(|r| shares(r));
+                (joints, self.bin.attribute(weights, shape))
+            }
+            false => {
+                let rows: Vec<_> = rows.iter().map(|r| shorts(r)).collect();
+                let joints = self.bin.joints(rows.iter().map(|r| r.0));
+                (joints, self.bin.short_weights(rows.iter().map(|r| r.1)))
+            }
+        };
+        primitive["attributes"]["JOINTS_0"] = joints.into();
+        primitive["attributes"]["WEIGHTS_0"] = weights.into();
+        let (owners, targets) = match exact {
+            true => self.corrections(moved, skin, frames),
+            false => Default::default(),
+        };
         let mut mesh = json!({ "name": node.name, "primitives": [primitive] });
         if !targets.is_empty() {
             mesh["weights"] = vec![0.0; targets.len()].into();
@@ -430,7 +482,7 @@ impl Film {
             nodes: Vec::new(),
         };
         let mut json = self.root.finish(&bare, &self.bin, &GlbOptions::default());
-        json["scenes"][0]["nodes"] = self.top.into();
+        json["scenes"][0]["nodes"] = [self.top, self.free].concat().into();
         if !self.skins.is_empty() {
             json["skins"] = self.skins.into();
         }
@@ -451,7 +503,10 @@ impl Film {
         let scene = super::buffer::int(&json["scene"]).unwrap_or(0);
         let shown = json.pointer_mut(&format!("/scenes/{scene}/nodes"));
         match shown.and_then(Value::as_array_mut) {
-            Some(nodes) => nodes.push(wrapper.into()),
+            Some(nodes) => {
+                nodes.push(wrapper.into());
+                nodes.extend(self.free.iter().map(|i| Value::from(*i)));
+            }
             None => {
                 let nodes = json["nodes"].as_array().map_or(&[][..], Vec::as_slice);
                 let children = nodes.iter().filter_map(|n| n["children"].as_array());
@@ -461,6 +516,9 @@ impl Film {
                 json["scenes"] = json!([{ "nodes": tops }]);
                 json["scene"] = 0.into();
             }
+        }
+        if !self.skins.is_empty() {
+            json["skins"] = self.skins.into();
         }
         if !self.channels.is_empty() {
             json["animations"] =
@@ -491,60 +549,10 @@ fn sealed(json: &Value, bin: &Bin) -> Result<Vec<u8>, IoError> {
     Ok(container(&json.to_string(), &bin.bytes))
 }
 
-fn with_extras(value: &mut Value, node: &Node) {
+pub(super) fn with_extras(value: &mut Value, node: &Node) {
     let extras = super::uv_extras(node);
     if !extras.is_null() {
         value["extras"] = extras;
-    }
-}
-
-/// Where a garment is as a whole, frame by frame.
-struct Track {
-    middles: Vec<DVec3>,
-    turns: Vec<DQuat>,
-    step: f32,
-}
-
-impl Track {
-    fn of(frames: &[Vec<DVec3>]) -> Self {
-        let middle = |x: &[DVec3]| {
-            let (low, high) = super::bin::bounds(x);
-            // As the file stores it.
-            (0.5 * (low + high)).as_vec3().as_dvec3()
-        };
-        let middles: Vec<DVec3> = frames.iter().map(|x| middle(x)).collect();
-        let mut turns = vec![DQuat::IDENTITY];
-        for t in 1..frames.len() {
-            let last = turns[t - 1];
-            let mut turn = best_turn((&frames[0], middles[0]), (&frames[t], middles[t]), last);
-            if turn.dot(last) < 0.0 {
-                turn = -turn;
-            }
-            // As the file stores it.
-            turns.push(turn.as_quat().as_dquat().normalize());
-        }
-        let reach = |t: usize| {
-            frames[t]
-                .iter()
-                .map(|x| (turns[t].inverse() * (*x - middles[t])).abs().max_element())
-                .fold(0.0, f64::max)
-        };
-        let reach = (0..frames.len()).map(reach).fold(0.0, f64::max);
-        Self {
-            step: ((reach / CELLS) as f32).next_up().max(1e-7),
-            middles,
-            turns,
-        }
-    }
-
-    /// A point of frame `t` in the node's own frame [m].
-    fn local(&self, t: usize, x: DVec3) -> DVec3 {
-        self.turns[t].inverse() * (x - self.middles[t])
-    }
-
-    fn cell(&self, t: usize, x: DVec3) -> [i16; 3] {
-        let cells = self.local(t, x) / f64::from(self.step);
-        cells.to_array().map(|c| c.round() as i16)
     }
 }
 

@@ -346,13 +346,15 @@ impl Actor {
                 .map(|&s| s as usize)
                 .collect(),
         };
-        let keep = firsts(&source).filter(|_| source.len() == all.len());
-        let keep = keep.ok_or_else(|| fault("its _SOURCE is not its vertices'"))?;
+        if source.len() != all.len() {
+            return Err(fault("its _SOURCE is not its vertices'"));
+        }
+        let (keep, place) = firsts(&source);
         let pick = |list: Vec<DVec3>| -> Option<Vec<DVec3>> {
             keep.iter().map(|&i| list.get(i).copied()).collect()
         };
         let corners = glb.numbers(&part["indices"])?.flat;
-        let corner = |&i: &f64| source.get(i as usize).map(|&s| s as u32);
+        let corner = |&i: &f64| place.get(i as usize).copied();
         let corners: Option<Vec<u32>> = corners.iter().map(corner).collect();
         let corners = corners.ok_or_else(|| fault("a triangle has a corner that is no vertex"))?;
         let mut targets = Vec::new();
@@ -429,13 +431,17 @@ pub(super) fn matrix(m: &[f64; 16]) -> DAffine3 {
     DAffine3::from_mat4(DMat4::from_cols_array(m))
 }
 
-/// For each source, the first vertex that is a copy of it; none if one is missing.
-fn firsts(source: &[usize]) -> Option<Vec<usize>> {
-    let n = source.iter().max()? + 1;
-    (n <= source.len()).then_some(())?;
-    let mut first = vec![usize::MAX; n];
-    for (i, &s) in source.iter().enumerate().rev() {
-        first[s] = i;
+/// For each source that there is, in order, the first vertex that is a copy of it; and for each vertex
+/// the place of its source in that order.
+fn firsts(source: &[usize]) -> (Vec<usize>, Vec<u32>) {
+    let mut order: Vec<usize> = (0..source.len()).collect();
+    order.sort_by_key(|i| source[*i]);
+    let (mut first, mut place) = (Vec::new(), vec![0; source.len()]);
+    for (k, i) in order.iter().enumerate() {
+        if k == 0 || source[order[k - 1]] != source[*i] {
+            first.push(*i);
+        }
+        place[*i] = first.len() as u32 - 1;
     }
-    first.iter().all(|&i| i != usize::MAX).then_some(first)
+    (first, place)
 }

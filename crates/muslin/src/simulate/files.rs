@@ -14,8 +14,9 @@ use crate::failure::Failure;
 use crate::files;
 use crate::hero::Hero;
 
+use super::bake::{self, Judged};
 use super::set::Set;
-use super::{SimulateOptions, film};
+use super::{Bake, SimulateOptions, film};
 
 /// More morph targets than this are for no viewer: every n-th frame is taken.
 const MOST_TARGETS: usize = 240;
@@ -68,16 +69,26 @@ pub fn stride(frames: usize) -> usize {
     frames.saturating_sub(1).div_ceil(MOST_TARGETS).max(1)
 }
 
-/// The bytes of all results but the report.
+/// The bytes of all results but the report, and how far a baked animation is from the frames.
 pub fn make(
     set: &Set,
     clip: &Clip,
     (out, options): (&Path, &SimulateOptions),
-) -> Result<Vec<Made>, Failure> {
+) -> Result<(Vec<Made>, Option<Judged>), Failure> {
     let fault = |e| file_failure(&e);
+    // A character's file keeps all of its skin.
+    let covered = match options.bake.is_exact() || set.hero.is_some() {
+        true => Vec::new(),
+        false => bake::covered(clip),
+    };
+    let bytes = glb(set, clip, (options.bake, &covered))?;
+    let judged = match options.bake.is_exact() {
+        true => None,
+        false => Some(bake::judged(&bytes, clip)?),
+    };
     let mut made = vec![Made {
         path: out.to_owned(),
-        bytes: glb(set, clip)?,
+        bytes,
     }];
     let mut add = |folder: &Path, files: Vec<(String, Vec<u8>)>| {
         let path = |name: &str| folder.join(name);
@@ -95,7 +106,8 @@ pub fn make(
     }
     if options.picture {
         let folder = out.parent().unwrap_or(Path::new(""));
-        let (still, moving) = film::pictures(set, clip, options.dress.backdrop);
+        let shown = judged.as_ref().map_or(clip, |j| &j.shown);
+        let (still, moving) = film::pictures((set, &covered), shown, options.dress.backdrop);
         let name = stem(out);
         let moving = animated_png(&moving, film::FRAME_MS);
         let files = vec![
@@ -104,7 +116,7 @@ pub fn make(
         ];
         add(folder, files);
     }
-    Ok(made)
+    Ok((made, judged))
 }
 
 /// The report beside the main file.
@@ -119,20 +131,30 @@ fn stem(path: &Path) -> String {
     muslin_io::name(Path::new(path.file_stem().unwrap_or_default()))
 }
 
-/// The animation: garments as morphs, the body by its bones.
-fn glb(set: &Set, clip: &Clip) -> Result<Vec<u8>, Failure> {
-    let step = stride(clip.drape.frames.len());
+/// The animation: garments as morphs or bones of their own, the body by its bones.
+fn glb(set: &Set, clip: &Clip, (bake, covered): (Bake, &[bool])) -> Result<Vec<u8>, Failure> {
+    let step = match bake.is_exact() {
+        true => stride(clip.drape.frames.len()),
+        false => 1,
+    };
     let mut clip = clip.every(step);
     let seen = clip.body.par_iter().enumerate();
     clip.body = seen.map(|(i, skin)| set.seen(i * step, skin)).collect();
     clip.body_faces = set.avatar.body_faces().to_vec();
-    let moved = |(node, source)| Moved { node, source };
-    let body = moved(files::body(set.avatar, &clip.body[0]));
-    let parts = clip.drape.parts.iter().zip(&set.outfit.pieces);
+    let moved = |(node, source), baked| Moved {
+        node,
+        source,
+        baked,
+    };
+    let body = moved(files::body(set.avatar, &clip.body[0]), None);
+    let is_covered = |i: u32| covered.get(i as usize).copied().unwrap_or(false);
+    let body = body.without(is_covered);
+    let parts = clip.garments().into_iter().zip(&set.outfit.pieces);
     let garments: Vec<Moved> = parts
-        .map(|(part, piece)| {
-            let verts = clip.drape.frames[0][part.verts.clone()].to_vec();
-            moved(files::garment(piece, verts, &piece.garment.uv))
+        .map(|((_, part), piece)| {
+            let verts = part.drape.frames[0].clone();
+            let node = files::garment(piece, verts, &piece.garment.uv);
+            moved(node, bake.garment(&part, covered))
         })
         .collect();
     if let Some(hero) = set.hero {

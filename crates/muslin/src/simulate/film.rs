@@ -18,34 +18,44 @@ const SIDES: [usize; 2] = [1024, 400];
 /// How long each frame of the film stays [ms].
 pub const FRAME_MS: u16 = 100;
 
+/// A set, and which of its skin's vertices are left out: none, or a flag each.
+type Seen<'a> = (&'a Set<'a>, &'a [bool]);
+
 /// The last frame, and frames evenly spread over the time.
-pub fn pictures(set: &Set, clip: &Clip, backdrop: Backdrop) -> (Image, Vec<Image>) {
+pub fn pictures((set, covered): Seen, clip: &Clip, backdrop: Backdrop) -> (Image, Vec<Image>) {
     let last = clip.drape.frames.len() - 1;
     let count = FRAMES.min(last + 1);
     let shown: Vec<usize> = (0..count).map(|i| i * last / (count - 1).max(1)).collect();
     let near = following(set, clip, &shown);
     let film = shown.par_iter().map(|&t| {
-        let scene = scene(set, clip, (t, backdrop));
+        let scene = scene((set, covered), clip, (t, backdrop));
         let camera = Camera {
             world_from_camera: DAffine3::from_translation(place(set, t)) * near.world_from_camera,
             ..near.clone()
         };
         Stage::new(&scene, &Options::quick()).shoot(&camera)
     });
-    let scene = scene(set, clip, (last, backdrop));
+    let scene = scene((set, covered), clip, (last, backdrop));
     let stage = look::stage(&scene);
     let still = stage.shoot(&stage.frame(&look::view(SIDES[0])));
     (still, film.collect())
 }
 
-fn scene(set: &Set, clip: &Clip, (t, backdrop): (usize, Backdrop)) -> muslin_picture::Scene {
+fn scene(
+    (set, covered): Seen,
+    clip: &Clip,
+    (t, backdrop): (usize, Backdrop),
+) -> muslin_picture::Scene {
     let body = set.seen(t, &clip.body[t]);
     let cloth = &clip.drape.frames[t];
+    let is_covered = |i: &u32| covered.get(*i as usize).copied().unwrap_or(false);
     let mut scene = look::scene((set.avatar, &body), &set.outfit, cloth, backdrop);
     if let Some(hero) = set.hero {
         scene.parts[0] =
             look::mannequin(set.hero_at(hero, (t, &clip.body[t])), &hero.character.faces);
     }
+    let faces = &mut scene.parts[0].faces;
+    faces.retain(|f| !f.iter().all(is_covered));
     // One floor for all frames: who jumps leaves it.
     let floor = clip.body.iter().map(|b| look::lowest(b));
     let floor = floor.fold(f64::INFINITY, f64::min);

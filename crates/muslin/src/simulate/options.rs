@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use crate::failure::{Exit, Failure};
 use crate::options::{DressOptions, Wear, within};
 
+use super::Bake;
+
 /// Options of `simulate`; the default is what a stranger would want.
 #[derive(Clone, Debug)]
 pub struct SimulateOptions {
@@ -22,6 +24,8 @@ pub struct SimulateOptions {
     pub bdf2: bool,
     /// Go on with an unfinished simulation.
     pub resume: bool,
+    /// How garments are written in the animation.
+    pub bake: Bake,
     /// Also draw the last frame and a moving picture.
     pub picture: bool,
     /// Also write NPZ in the exchange layout, with this name.
@@ -44,6 +48,7 @@ impl Default for SimulateOptions {
             start: 0.0,
             bdf2: false,
             resume: false,
+            bake: Bake::Frames,
             picture: false,
             npz: None,
             pc2: None,

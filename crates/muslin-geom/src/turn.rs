@@ -16,6 +16,12 @@ pub fn best_turn(from: (&[DVec3], DVec3), to: (&[DVec3], DVec3), guess: DQuat) -
             }
         }
     }
+    turn_of(s, guess)
+}
+
+/// The same from the sum of all `a_i b_j`, `a` the points to be turned and `b` those that they are turned
+/// to, each about its middle.
+pub fn turn_of(s: [[f64; 3]; 3], guess: DQuat) -> DQuat {
     let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = s;
     // In the order x, y, z, w.
     let n = DMat4::from_cols(
