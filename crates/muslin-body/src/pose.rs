@@ -82,13 +82,26 @@ impl Avatar {
 impl Avatar {
     /// `world_from_rest` of every bone alone, as in [`Posed::bones`].
     pub fn bones(&self, figure: &Figure, pose: &Pose) -> Vec<DAffine3> {
-        world_from_rest(self.rig(), figure, pose)
+        let mut out = Vec::new();
+        self.bones_into(figure, pose, &mut out);
+        out
+    }
+
+    /// As [`Avatar::bones`], in memory that is there.
+    pub fn bones_into(&self, figure: &Figure, pose: &Pose, out: &mut Vec<DAffine3>) {
+        world_from_rest_into((self.rig(), figure, pose), out);
     }
 }
 
 /// `world_from_rest` of every bone (see the module's own words).
 pub(crate) fn world_from_rest(rig: &Rig, figure: &Figure, pose: &Pose) -> Vec<DAffine3> {
-    let mut world: Vec<DAffine3> = Vec::with_capacity(rig.n_bones());
+    let mut world = Vec::with_capacity(rig.n_bones());
+    world_from_rest_into((rig, figure, pose), &mut world);
+    world
+}
+
+fn world_from_rest_into((rig, figure, pose): (&Rig, &Figure, &Pose), world: &mut Vec<DAffine3>) {
+    world.clear();
     for (b, bone) in rig.bones.iter().enumerate() {
         let turn = pose.rotations.get(b).copied().unwrap_or(DQuat::IDENTITY);
         let head = figure.joints[b];
@@ -100,8 +113,9 @@ pub(crate) fn world_from_rest(rig: &Rig, figure: &Figure, pose: &Pose) -> Vec<DA
         };
         world.push(placed);
     }
-    let back = |(b, w): (usize, DAffine3)| w * DAffine3::from_translation(-figure.joints[b]);
-    world.into_iter().enumerate().map(back).collect()
+    for (w, joint) in world.iter_mut().zip(&figure.joints) {
+        *w *= DAffine3::from_translation(-*joint);
+    }
 }
 
 /// The blend of bones that moves a vertex, `Σ w_b A_b`; `row` holds bones and their weights.

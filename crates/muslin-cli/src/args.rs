@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use muslin::{
-    AnimateOptions, Backdrop, Bake, Cut, DressOptions, Person, SimulateOptions, System,
+    AnimateOptions, Backdrop, Bake, Cut, DressOptions, Person, SimulateOptions, Size, System,
     TrainOptions, Wear,
 };
 
@@ -90,7 +90,7 @@ pub struct Common {
     pub telling: Telling,
 }
 
-/// A body's build, as far as it is asked for.
+/// A body's build and its garments' size, as far as they are asked for.
 #[derive(Debug, Args)]
 pub struct Build {
     /// Standing height [cm]; kept exactly.
@@ -102,6 +102,10 @@ pub struct Build {
     /// From 0 (male) to 1 (female) on the body's own scale.
     #[arg(long)]
     pub gender: Option<f64>,
+    /// What the garments' label says, whoever wears them: XS, S, M, L, XL or XXL (EN 13402-3, by the chest)
+    /// [default: made to measure].
+    #[arg(long, value_parser = Size::parse)]
+    pub size: Option<Size>,
 }
 
 /// A body and its clothes.
@@ -258,9 +262,16 @@ pub struct Train {
     /// Whether one body is taught or any adult shape of it.
     #[arg(long, value_enum, default_value_t = Which::One)]
     pub shape: Which,
+    /// Whether one size is taught or any, from a little tight to several too large.
+    #[arg(long, value_enum, default_value_t = Which::One)]
+    pub sizes: Which,
     /// The model, a .muslin file.
     #[arg(short, long, default_value = "tee.muslin")]
     pub out: PathBuf,
+    /// A model of the same garment to begin with: of coarser cloth (--edge), which is taught in less time, of
+    /// another fabric, or of fewer motions. Network, `any`s and traits must be the same.
+    #[arg(long, value_name = "FILE.muslin")]
+    pub from: Option<PathBuf>,
     /// Steps of learning.
     #[arg(long, default_value_t = TrainOptions::default().steps)]
     pub steps: u64,
@@ -571,8 +582,10 @@ impl Train {
                 body: character(&self.body),
                 ..dress
             },
+            from: self.from.clone(),
             any_fabric,
             any_shape: self.shape == Which::Any,
+            any_size: self.sizes == Which::Any,
             motion: match self.motion.is_empty() {
                 true => usual.motion,
                 false => self.motion.clone(),
@@ -647,6 +660,7 @@ impl Build {
             height: self.height.map(|cm| cm / 100.0),
             weight: self.weight,
             gender: self.gender,
+            size: self.size,
             ..other
         }
     }

@@ -169,7 +169,13 @@ fn bench(bench: &Bench) -> Result<(), Failure> {
         BenchKind::Dress => muslin::bench::dress(data),
         BenchKind::Garments => {
             let cases = bench.cases.unwrap_or(9);
-            muslin::bench::garments(data, &bench.model, (cases, &bench.worn()))
+            let mut line = LiveLine::new();
+            let mut watch = Watch::new(|_| {}, |_| {}).following(|text| line.update(text));
+            let told =
+                muslin::bench::garments(data, &bench.model, (cases, &bench.worn()), &mut watch);
+            drop(watch);
+            line.clear();
+            told
         }
         BenchKind::Cloth => match &bench.peers {
             Some(home) => {

@@ -104,6 +104,35 @@ fn a_baked_animation_has_bones_or_mixed_targets_and_says_how_far_off_it_is() {
 }
 
 #[test]
+fn a_size_is_cut_for_others_than_the_wearer_and_says_how_much_wider_it_is() {
+    let folder = Folder::new("size");
+    let width = |size: &str| {
+        let (out, npz) = (folder.at("w.glb"), folder.at("a.npz"));
+        let done = wave(&out, &["--npz", &npz, "--outfit", "tee", "--size", size]);
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        let report = std::fs::read_to_string(folder.at("w.report.json")).expect("written");
+        assert!(report.contains(&format!("\"label\": \"{}\"", size.to_uppercase())));
+        assert!(report.contains("wider_than_wearer_chest_cm"), "{report}");
+        let clip = muslin_io::read_clip(Path::new(&npz)).expect("it can be read");
+        let area = clip
+            .corners
+            .iter()
+            .map(|c| 0.5 * (c[1] - c[0]).perp_dot(c[2] - c[0]).abs());
+        area.sum::<f64>()
+    };
+    let (medium, larger) = (width("m"), width("XXL"));
+    assert!(
+        (1.1..1.6).contains(&(larger / medium)),
+        "{medium} {larger} m2"
+    );
+    for (more, code, what) in [(["--size", "38"], 2, "XXL"), (["--size", "XS"], 3, "chest")] {
+        let done = wave(&folder.at("x.glb"), &more);
+        assert_eq!(done.status.code(), Some(code), "{}", errors(&done));
+        assert!(errors(&done).contains(what), "{}", errors(&done));
+    }
+}
+
+#[test]
 fn the_same_command_gives_the_same_bytes_and_json_when_asked() {
     let folder = Folder::new("twice");
     let run = |name: &str| {

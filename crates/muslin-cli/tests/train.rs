@@ -219,9 +219,57 @@ fn one_model_is_taught_for_any_fabric_and_any_body_and_says_whom_it_knows() {
     // Stiffer than any cloth that it met.
     let paper = play("--fabric paper-vdp-cotton");
     assert_eq!(paper.1, "\"not_taught\":[\"fabric\"]");
+    assert_eq!(play("--size XXL").1, "\"not_taught\":[\"size\"]");
+    taught("--sizes any");
+    let (made, large) = (play(""), play("--size L"));
+    assert_eq!((made.1.as_str(), large.1.as_str()), (known, known));
+    // Around the hem, away from sleeves.
+    let mut wide = [0.0; 2];
+    for (wide, x) in wide.iter_mut().zip([&made.0, &large.0]) {
+        let low = x.iter().map(|p| p.y).fold(f64::MAX, f64::min);
+        let hem = || x.iter().filter(|p| p.y < low + 0.1).map(|p| p.x);
+        *wide = hem().fold(f64::MIN, f64::max) - hem().fold(f64::MAX, f64::min);
+    }
+    assert!(
+        wide[1] > wide[0] + 0.02,
+        "a larger shirt is wider: {wide:?}"
+    );
     taught("--fabric any");
     assert_eq!(play("--fabric cotton-shirting").1, known);
     assert_eq!(play("--gender 0.9").1, "\"not_taught\":[\"body\"]");
+}
+
+#[test]
+fn a_training_begins_with_what_coarser_cloth_has_learnt_and_tells_both_their_sources() {
+    let folder = Folder::new("from");
+    let (coarse, fine) = (folder.at("coarse.muslin"), folder.at("fine.muslin"));
+    let how = "train --motion wave --edge 25 --codes 8 --mixed 80 --poses 40";
+    let done = typed(&format!("{how} --steps 40 -o {coarse}"));
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let how = "train --motion wave --edge 18 --codes 8 --mixed 80 --poses 40 --steps 2";
+    let stretch = |more: &str| {
+        let done = typed(&format!("{how} {more} -o {fine}"));
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        let curve = std::fs::read_to_string(folder.at("fine.csv")).expect("written");
+        let first = curve.lines().nth(1).expect("a step");
+        first.split(',').nth(1).and_then(|x| x.parse::<f64>().ok())
+    };
+    let (new, begun) = (
+        stretch("").expect("a cost"),
+        stretch(&format!("--from {coarse}")),
+    );
+    assert!(begun.expect("a cost") < 0.7 * new, "{begun:?} {new}");
+    let done = typed(&format!(
+        "{how} --motion walk --codes 9 --from {coarse} -o {fine}"
+    ));
+    assert_eq!(done.status.code(), Some(2), "an argument twice");
+    let done = typed(&format!(
+        "train --motion wave --edge 18 --codes 9 --poses 40 --steps 2 --from {coarse} -o {fine}"
+    ));
+    assert_eq!(done.status.code(), Some(3), "{}", errors(&done));
+    assert!(errors(&done).contains("network"), "{}", errors(&done));
+    let done = typed(&format!("train pbns --from {coarse} -o {fine}"));
+    assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
 }
 
 /// A short training of a published system on a coarse tee.

@@ -148,6 +148,11 @@ impl Form<'_> {
         total
     }
 
+    /// The direction out of it; none far from everything.
+    pub fn normal(&self, p: DVec3, near: &mut Near) -> Option<DVec3> {
+        self.distance_near(p, near).map(|d| d.1.normalize_or_zero())
+    }
+
     /// The point of the surface that `p` falls on, by up to `steps` Newton steps.
     pub fn project(&self, p: DVec3, steps: usize, near: &mut Near) -> DVec3 {
         self.project_within(p, steps, near, |v| v)

@@ -196,12 +196,19 @@ impl Garment {
     ) -> Vec<DVec3> {
         let rows = self.binding.rows().zip(&self.offset);
         let scale = stand.scale();
-        let mut x: Vec<DVec3> = rows
-            .map(|(r, o)| blend(r, stand.verts) + *o * scale)
-            .collect();
+        let (mut x, mut left) = (Vec::new(), Vec::new());
+        for (row, o) in rows {
+            x.push(blend(row, stand.verts) + *o * scale);
+            left.push(
+                row.iter()
+                    .map(|&(i, w)| stand.map.left[i as usize] * w)
+                    .sum::<f64>()
+                    + o.x,
+            );
+        }
         let plan = recipe.plan(stand, tuck);
         let mut form = plan.form();
-        plan.prepare(&form, &mut x);
+        plan.prepare(&form, &mut x, &left);
         for (surface, rim) in under {
             form.parts.push(Solid::Cloth(surface, rim, BETWEEN_LAYERS));
         }

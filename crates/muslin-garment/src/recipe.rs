@@ -197,10 +197,11 @@ impl Plan<'_> {
         }
     }
 
-    /// Betters a first guess of where the vertices are [m].
-    pub fn prepare(&self, form: &Form, x: &mut [DVec3]) {
+    /// Betters a first guess of where the vertices are [m], from how far left they are on the default body
+    /// [m].
+    pub fn prepare(&self, form: &Form, x: &mut [DVec3], left: &[f64]) {
         if let Plan::Trousers(p) = self {
-            p.prepare(form, x);
+            p.prepare(form, x, left);
         }
     }
 

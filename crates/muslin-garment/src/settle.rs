@@ -2,6 +2,7 @@
 
 use crate::form::{Form, Near};
 use glam::DVec3;
+use muslin_geom::{Mesh, self_intersections};
 use rayon::prelude::*;
 
 /// Who neighbours whom, and which vertices are on which rim.
@@ -26,6 +27,16 @@ pub(crate) enum Track {
 
 /// How many times as long as asked cloth is slid where it stays squeezed.
 const PARTS: usize = 6;
+
+/// How often cloth that crosses itself is spread anew, how far around the place [m], as much more each
+/// time, and how often each vertex goes to the middle of its neighbours.
+const SPREADS: usize = 4;
+const FILM: f64 = 0.05;
+const SPREAD: usize = 100;
+/// Slides in which it comes back to the form, and how far in each [m]: at full steps it crosses itself
+/// where the form is hollow.
+const BACK: usize = 60;
+const GENTLY: f64 = 0.002;
 
 impl Net {
     pub fn new(faces: Vec<[u32; 3]>, n_verts: usize) -> Net {
@@ -70,7 +81,8 @@ impl Net {
 
     /// Slides `x` [m] over `form` until the triangles are even, `times` times.
     ///
-    /// Where a fold of the body squeezed them it goes on as long as that helps.
+    /// Where a fold of the body squeezed them it goes on as long as that helps, and where it left them
+    /// crossing they are drawn out of it, as a film would span the place, and led back slowly.
     /// `tracks` has one entry per loop.
     pub fn settle(&self, form: &Form, x: &mut [DVec3], tracks: &[Track], times: usize) {
         let mut near = vec![Near::default(); x.len()];
@@ -86,8 +98,28 @@ impl Net {
             }
             squeezed = now;
         }
+        self.land(form, x, tracks, &mut near);
+        let mut crossing = self.crossing(x);
+        for again in 1..=SPREADS {
+            if crossing.is_empty() {
+                break;
+            }
+            let mut other = x.to_vec();
+            self.spread(&mut other, &crossing, again as f64 * FILM);
+            self.lead_back(form, &mut other, &mut near, again);
+            self.land(form, &mut other, tracks, &mut near);
+            let left = self.crossing(&other);
+            if left.len() < crossing.len() {
+                x.copy_from_slice(&other);
+                crossing = left;
+            }
+        }
+    }
+
+    /// Brings the mesh onto the form where it is.
+    fn land(&self, form: &Form, x: &mut [DVec3], tracks: &[Track], near: &mut [Near]) {
         for _ in 0..3 {
-            self.round(form, x, tracks, &mut near, (0.0, 8));
+            self.round(form, x, tracks, near, (0.0, 8));
         }
     }
 
@@ -116,6 +148,68 @@ impl Net {
                 };
             });
         x.copy_from_slice(&new);
+    }
+
+    /// Leads the mesh back to the form, so many times as slowly, and slides it along it only.
+    fn lead_back(&self, form: &Form, x: &mut [DVec3], near: &mut [Near], slow: usize) {
+        near.fill(Near::default());
+        let most = GENTLY / slow as f64;
+        for _ in 0..slow * BACK {
+            let old = &*x;
+            let mut new = old.to_vec();
+            let inner = |i: &usize| self.rim[*i].is_none();
+            new.par_iter_mut()
+                .zip(&mut *near)
+                .enumerate()
+                .filter(|(i, _)| inner(i))
+                .for_each(|(i, (p, near))| {
+                    let out = form.normal(*p, near).unwrap_or(DVec3::ZERO);
+                    let slide = self.step(i, old);
+                    let home = form.project(*p, 1, near) - *p;
+                    *p += home.clamp_length_max(most);
+                    *p += 0.5 * (slide - out * out.dot(slide));
+                });
+            x.copy_from_slice(&new);
+        }
+    }
+
+    /// Triangles that cross others, in pairs.
+    fn crossing(&self, x: &[DVec3]) -> Vec<[u32; 2]> {
+        self_intersections(&Mesh {
+            verts: x.to_vec(),
+            faces: self.faces.clone(),
+        })
+    }
+
+    /// Draws the mesh tight within so many metres of these triangles.
+    fn spread(&self, x: &mut [DVec3], crossing: &[[u32; 2]], reach: f64) {
+        let corners = || {
+            let faces = crossing.as_flattened().iter();
+            faces.flat_map(|f| self.faces[*f as usize])
+        };
+        let mut loose = vec![false; x.len()];
+        corners().for_each(|i| loose[i as usize] = true);
+        let edges =
+            || corners().flat_map(|i| self.neighbours[i as usize].iter().map(move |j| [i, *j]));
+        let length: f64 = edges()
+            .map(|[i, j]| x[i as usize].distance(x[j as usize]))
+            .sum();
+        let edge = length / edges().count().max(1) as f64;
+        for _ in 0..(reach / edge.max(1e-4)).ceil() as usize {
+            let inner = loose.clone();
+            for (i, _) in inner.iter().enumerate().filter(|(_, l)| **l) {
+                self.neighbours[i]
+                    .iter()
+                    .for_each(|j| loose[*j as usize] = true);
+            }
+        }
+        let free = |i: &usize| loose[*i] && self.rim[*i].is_none();
+        let free: Vec<usize> = (0..x.len()).filter(free).collect();
+        for _ in 0..SPREAD {
+            for &i in &free {
+                x[i] += self.step(i, x);
+            }
+        }
     }
 
     /// How many triangles have an angle below 15 degrees.

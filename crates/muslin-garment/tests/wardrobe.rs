@@ -440,3 +440,37 @@ fn any_number_of_threads_gives_the_same_garment() {
     };
     assert_eq!(build(1), build(2));
 }
+
+/// Somebody so heavy that thighs meet and the trunk fills the armpits.
+fn stout(gender: f64, height: f64, mass: f64) -> Figure {
+    let shape = Shape::default()
+        .with("gender", gender)
+        .expect("a phenotype");
+    let shape = shape
+        .with_height_and_mass(avatar(), height, mass)
+        .expect("in reach");
+    avatar().figure(&shape).expect("an adult")
+}
+
+#[test]
+fn stout_people_are_dressed_in_cloth_that_does_not_cross_itself() {
+    let people = [
+        (0.0, 1.69, 100.0),
+        (0.5, 1.95, 140.0),
+        (1.0, 1.69, 110.0),
+        (1.0, 1.5, 79.0),
+    ];
+    for (gender, height, mass) in people {
+        let figure = stout(gender, height, mass);
+        let skin = skin(&figure);
+        for garment in [tee(), trousers(), dress()] {
+            let worn = garment.worn(avatar(), &figure, &[]).expect("a garment");
+            let cloth = mesh(garment, &worn);
+            let found = [
+                self_intersections(&cloth).len(),
+                intersecting_pairs(&cloth, &skin).len(),
+            ];
+            assert_eq!(found, [0, 0], "{} at {mass} kg", garment.name);
+        }
+    }
+}

@@ -17,6 +17,7 @@ mod error;
 mod layers;
 mod mind;
 mod model;
+mod packed;
 mod player;
 mod stored;
 mod stream;

@@ -4,11 +4,17 @@ use half::f16;
 use muslin_net::learn::{Mlp, Nonlinear};
 use muslin_net::{Array, Numbers, Weights};
 
+use crate::packed::{Packed, bytes_of, unpacked};
 use crate::{Encoder, Model, ModelError, Ncs, Skin, Snug, Sway, Trait};
 
-/// What the notes say of the kind of file: with a network of our own, with one that a note names, and
-/// with a network of our own that is told traits.
-const FORMATS: [&str; 3] = ["muslin-garment 1", "muslin-garment 2", "muslin-garment 3"];
+/// What the notes say of the kind of file: with a network of our own, with one that a note names, with a
+/// network of our own that is told traits, and with one of our own whose shapes are 12-bit steps.
+const FORMATS: [&str; 4] = [
+    "muslin-garment 1",
+    "muslin-garment 2",
+    "muslin-garment 3",
+    "muslin-garment 4",
+];
 
 impl Model {
     /// As arrays; learnt shapes and the network as 16-bit floats, everything else as it is.
@@ -122,6 +128,32 @@ impl Model {
         out
     }
 
+    /// As [`to_weights`](Self::to_weights), in less room: with a network of our own, learnt shapes are
+    /// 12-bit steps, of a size of its own for every code and for every row.
+    pub fn to_packed(&self) -> Weights {
+        let mut out = self.to_weights();
+        if !matches!(self.encoder, Encoder::Plain(_)) {
+            return out;
+        }
+        let (rows, k) = (3 * self.n_verts(), self.n_codes() - 1);
+        let posed: Vec<f32> = (self.modes.chunks_exact(k + 1))
+            .flat_map(|row| &row[..k])
+            .copied()
+            .collect();
+        let still = self.modes.iter().skip(k).step_by(k + 1);
+        let still = still.map(|x| f16::from_f32(*x).to_bits()).collect();
+        let packed = Packed::new(&posed, k);
+        out.notes.insert("format".into(), FORMATS[3].into());
+        let mut add = |name: &str, shape: &[usize], numbers| {
+            out.arrays.insert(name.into(), Array::new(shape, numbers));
+        };
+        add("modes", &[rows, bytes_of(k)], Numbers::U8(packed.bytes));
+        add("modes.steps", &[k], Numbers::F32(packed.steps));
+        add("modes.rows", &[rows], Numbers::F16(packed.rows));
+        add("modes.still", &[rows], Numbers::F16(still));
+        out
+    }
+
     /// From arrays, if they are whole and fit each other.
     pub fn from_weights(weights: &Weights) -> Result<Self, ModelError> {
         let from = From { weights };
@@ -145,7 +177,7 @@ impl Model {
             },
             drivers: names(from.note("drivers")?),
             scale: from.f32s("scale")?.as_chunks::<2>().0.to_vec(),
-            traits: match format == FORMATS[2] {
+            traits: match format == FORMATS[2] || weights.notes.contains_key("traits") {
                 true => from.traits()?,
                 false => Vec::new(),
             },
@@ -154,7 +186,10 @@ impl Model {
                 false => Encoder::Plain(from.mlp("encoder.widths")?),
             },
             params: from.f32s("encoder.params")?,
-            modes: from.f32s("modes")?,
+            modes: match format == FORMATS[3] {
+                true => from.modes()?,
+                false => from.f32s("modes")?,
+            },
             sway: from.sway()?,
         };
         model.check()?;
@@ -290,6 +325,28 @@ impl<'a> From<'a> {
             samples: self.u32s("sway.samples")?.to_vec(),
             masses: self.f32s("sway.masses")?,
         }))
+    }
+
+    /// Learnt shapes that are packed.
+    fn modes(&self) -> Result<Vec<f32>, ModelError> {
+        let (rows, steps) = (self.f32s("modes.rows")?, self.f32s("modes.steps")?);
+        let (still, bytes) = (self.f32s("modes.still")?, self.bytes("modes")?);
+        let wide = bytes_of(steps.len());
+        for (name, len, want) in [
+            ("modes.still", still.len(), rows.len()),
+            ("modes", bytes.len(), rows.len() * wide),
+        ] {
+            if len != want {
+                return Err(ModelError::wrong(name, "does not fit modes.rows"));
+            }
+        }
+        let mut out = Vec::with_capacity(rows.len() * (steps.len() + 1));
+        for (v, (row, still)) in rows.iter().zip(still).enumerate() {
+            let counts = unpacked(&bytes[v * wide..(v + 1) * wide]);
+            out.extend(steps.iter().zip(counts).map(|(s, count)| count * s * row));
+            out.push(still);
+        }
+        Ok(out)
     }
 
     /// A perceptron of these widths.

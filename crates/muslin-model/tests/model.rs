@@ -244,6 +244,43 @@ fn a_stored_model_comes_back_with_shapes_and_network_of_half_precision() {
 }
 
 #[test]
+fn a_packed_model_comes_back_a_twentieth_of_a_millimetre_off_and_broken_ones_are_refused_by_name() {
+    for model in [model(), told()] {
+        let packed = model.to_packed();
+        assert_eq!(packed.notes["format"], "muslin-garment 4");
+        let back = Model::from_weights(&packed).expect("it was just written");
+        assert_eq!(
+            (&back.traits, &back.encoder),
+            (&model.traits, &model.encoder)
+        );
+        let constant = model.n_codes() - 1;
+        for (i, (a, b)) in back.modes.iter().zip(&model.modes).enumerate() {
+            let off = (a - b).abs();
+            let most = match i % (constant + 1) == constant {
+                true => 5e-4 * b.abs() + 1e-7,
+                false => 5e-5,
+            };
+            assert!(off <= most, "{i}: {a} for {b}");
+        }
+        for name in ["modes", "modes.steps", "modes.rows", "modes.still"] {
+            let mut cut = packed.clone();
+            cut.arrays.remove(name);
+            let fault = Model::from_weights(&cut).expect_err("an array is missing");
+            assert!(fault.to_string().contains(name), "{fault}");
+            let mut short = packed.clone();
+            let array = short.arrays.get_mut(name).expect("it is there");
+            array.numbers = match &array.numbers {
+                Numbers::U8(v) => Numbers::U8(v[1..].to_vec()),
+                Numbers::F16(v) => Numbers::F16(v[1..].to_vec()),
+                Numbers::F32(v) => Numbers::F32(v[1..].to_vec()),
+                other => panic!("no model has {other:?}"),
+            };
+            assert!(Model::from_weights(&short).is_err(), "{name}");
+        }
+    }
+}
+
+#[test]
 fn a_stored_model_keeps_its_traits_and_broken_ones_are_refused_by_name() {
     let stored = told().to_weights();
     assert_eq!(stored.notes["format"], "muslin-garment 3");

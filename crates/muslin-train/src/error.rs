@@ -33,6 +33,9 @@ pub enum TrainError {
         /// The first vertex.
         vertex: usize,
     },
+    /// A model that this training cannot begin with.
+    #[error("the model to begin with is of another kind: its {0} differs")]
+    OtherModel(&'static str),
     /// What was kept belongs to another training.
     #[error("what is kept is of another training: its {0} differs; start again without --resume")]
     OtherTraining(&'static str),

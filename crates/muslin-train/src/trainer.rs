@@ -9,6 +9,7 @@ use muslin_net::learn::{AdamState, Mlp, Noise};
 use rayon::prelude::*;
 
 use crate::TrainError;
+use crate::begin;
 use crate::elastic::Elastic;
 use crate::factor::Factor;
 use crate::lanes::LANES;
@@ -93,6 +94,8 @@ pub struct Trainer<'a> {
     pub(crate) reader: Reader,
     /// The bones that the cloth follows, in the rig.
     pub(crate) rig: Vec<usize>,
+    /// The model that it began with, in short.
+    pub(crate) begun: Option<u64>,
     pub(crate) now: Now,
 }
 
@@ -127,10 +130,26 @@ impl<'a> Trainer<'a> {
     /// Gets ready to learn from `pool`, whose poses the wearers of the `lessons` share between them. All
     /// lessons are of one cloth on one family of bodies, and differ in body, rest shape, fabric and
     /// traits; motions are judged on the first, and models are of it.
-    pub fn new(
+    pub fn new(lessons: Vec<Lesson<'a>>, plan: Plan, pool: Vec<Pose>) -> Result<Self, TrainError> {
+        Self::ready(lessons, plan, pool, None)
+    }
+
+    /// As [`Trainer::new`], beginning with what a `model` of the same garment knows, whose triangles may be
+    /// others: coarser cloth is taught in less time. Skin has all of its stiffness from the first step on.
+    pub fn begun(
+        lessons: Vec<Lesson<'a>>,
+        plan: Plan,
+        pool: Vec<Pose>,
+        model: &Model,
+    ) -> Result<Self, TrainError> {
+        Self::ready(lessons, plan, pool, Some(model))
+    }
+
+    fn ready(
         mut lessons: Vec<Lesson<'a>>,
         plan: Plan,
         pool: Vec<Pose>,
+        model: Option<&Model>,
     ) -> Result<Self, TrainError> {
         if pool.len() < FEWEST {
             return Err(TrainError::FewPoses(pool.len(), FEWEST));
@@ -142,24 +161,40 @@ impl<'a> Trainer<'a> {
         let (rig, skin) = follow(&lesson)?;
         let name = |b: &usize| lesson.avatar.rig().bones[*b].name.clone();
         let bones: Vec<String> = rig.iter().map(name).collect();
-        let drivers: Vec<String> = drivers(&lesson, pool.iter()).iter().map(name).collect();
+        let drivers: Vec<String> = match model {
+            Some(m) => m.drivers.clone(),
+            None => drivers(&lesson, pool.iter()).iter().map(name).collect(),
+        };
         let reader = Reader::new(lesson.avatar, &drivers)?;
         let mut noise = Noise::new(plan.seed);
         let mut packs = packs(&pool, (&wearers, &reader, &rig), &mut noise);
-        let scale = standardise(&mut packs);
         let encoder = encoder(reader.n_inputs() + lesson.traits.len(), &plan);
+        let scale = match model {
+            Some(m) => {
+                begin::fits(m, &encoder, &lesson)?;
+                rescale(&mut packs, &m.scale);
+                m.scale.clone()
+            }
+            None => standardise(&mut packs),
+        };
         let elastic = Elastic::new(&wearers);
         let n = lesson.template.len();
         let walls = vec![[0.0; 6]; n];
         let k = plan.codes;
+        let (mut params, mut modes) = (encoder.start(&mut noise), vec![0.0; 3 * n * k]);
+        if let Some(m) = model {
+            modes = begin::shapes(m, lesson.template)?;
+            params.clone_from(&m.params);
+        }
         Ok(Self {
             factor: factored(&elastic, &walls, &plan),
+            begun: model.map(begin::identity),
             now: Now {
                 step: 0,
-                params: encoder.start(&mut noise),
+                params,
                 noise,
                 adam: AdamState::default(),
-                modes: vec![0.0; 3 * n * k],
+                modes,
                 momentum: vec![0.0; 3 * n * k],
                 moments: vec![0.0; k * k],
                 factored: walls.clone(),
@@ -190,7 +225,9 @@ impl<'a> Trainer<'a> {
             fingerprint(&w.lesson, poses.iter())
         };
         let all: Vec<String> = self.wearers.iter().enumerate().map(one).collect();
-        format!("{} {:?}", all.join(" "), self.plan)
+        let begun = self.begun.map(|sum| format!(" begun {sum:016x}"));
+        let begun = begun.unwrap_or_default();
+        format!("{} {:?}{begun}", all.join(" "), self.plan)
     }
 
     /// How many poses there are to learn from.

@@ -54,17 +54,16 @@ pub(crate) fn left_out(bad: &mut u64, fault: TrainError, told: Told) -> Result<T
     }
 }
 
+/// FNV-1a over the bits: tells trainings apart, guards against nobody.
+pub(crate) fn sum(numbers: &mut dyn Iterator<Item = f64>) -> u64 {
+    numbers.fold(0, |h, x| (h ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3))
+}
+
 /// What the bits of a training depend on, in short: poses, cloth and body.
 pub(crate) fn fingerprint<'a>(
     lesson: &Lesson<'_>,
     poses: impl Iterator<Item = &'a Pose>,
 ) -> String {
-    // FNV-1a over the bits: tells trainings apart, guards against nobody.
-    let sum = |numbers: &mut dyn Iterator<Item = f64>| {
-        numbers.fold(0u64, |h, x| {
-            (h ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3)
-        })
-    };
     let turns = |p: &Pose| -> Vec<f64> {
         let root = p.root.to_array().into_iter();
         root.chain(p.rotations.iter().flat_map(|q| q.to_array()))

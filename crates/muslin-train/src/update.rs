@@ -32,6 +32,9 @@ impl Trainer<'_> {
 
     /// Soft at first, so that cloth finds its way out of the body before it is pressed on it.
     pub(crate) fn skin_stiffness(&self) -> f32 {
+        if self.begun.is_some() {
+            return self.plan.skin as f32;
+        }
         let done = self.now.step as f32 / self.plan.steps.max(1) as f32;
         self.plan.skin as f32 * (SOFT_START + (1.0 - SOFT_START) * done / HARDENED).min(1.0)
     }

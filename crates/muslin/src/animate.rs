@@ -11,7 +11,7 @@ use muslin_geom::{Report, Value};
 use muslin_io::{read_file, read_weights};
 use muslin_model::{Model, ModelError};
 
-use crate::dress::file_failure;
+use crate::dress::{asked_shape, file_failure};
 use crate::failure::{Exit, Failure};
 use crate::hero::{Hero, Standing, avatar_of, body_note, standing};
 use crate::options::{DressOptions, Wear};
@@ -22,6 +22,7 @@ use crate::simulate::files::{self, Folders, Made};
 use crate::simulate::motion;
 use crate::simulate::quality::{Quality, round};
 use crate::simulate::set::Set;
+use crate::size::Size;
 use crate::swings;
 use crate::table::Table;
 use crate::tell;
@@ -135,7 +136,7 @@ pub(crate) fn as_trained(
     model: &Model,
     asked: &SimulateOptions,
 ) -> Result<SimulateOptions, Failure> {
-    let note = |name: &str| model.notes.get(name).map_or("", String::as_str);
+    let note = |name: &str| note_of(model, name);
     let number = |name: &str| number(model, name);
     let cut = match note("cut") {
         "slim" => Cut::Slim,
@@ -154,6 +155,7 @@ pub(crate) fn as_trained(
         gender: asked.dress.gender.or(number("gender")?),
         edge: number("edge")?.unwrap_or(asked.dress.edge),
         cut,
+        size: asked.dress.size.or_else(|| Size::parse(note("size")).ok()),
         ..asked.dress.clone()
     };
     Ok(SimulateOptions {
@@ -162,9 +164,13 @@ pub(crate) fn as_trained(
     })
 }
 
+fn note_of<'m>(model: &'m Model, name: &str) -> &'m str {
+    model.notes.get(name).map_or("", String::as_str)
+}
+
 /// A number that the model was trained with, if it was.
 fn number(model: &Model, name: &str) -> Result<Option<f64>, Failure> {
-    match model.notes.get(name).map_or("", String::as_str) {
+    match note_of(model, name) {
         "" => Ok(None),
         text => text.parse().map(Some).map_err(|_| {
             let what = format!("its note {name:?} is no number");
@@ -229,8 +235,11 @@ impl<'a> Theatre<'a, '_> {
         let mut warnings = Vec::new();
         let tailor = self.hero.map_or(avatar, |h| &h.base);
         let outfit = Outfit::make(tailor, &simulate.dress, |w| warnings.push(w.to_owned()))?;
+        let shape = asked_shape(avatar, &simulate.dress)?;
+        let outfit = outfit.sized((avatar, &shape), &simulate.dress)?;
         self.warn(warnings);
         self.report.set("outfit", tell::outfit(&outfit));
+        tell::size(&mut self.report, &outfit);
         let told = tell::pieces(&outfit);
         let mut set = Set::new(avatar, figure, moving, outfit)?;
         set.hero = self.hero;
@@ -250,6 +259,8 @@ impl<'a> Theatre<'a, '_> {
         let fabric = &set.outfit.pieces[0].fabric;
         let of_fabric = traits::of_fabric(fabric);
         let of_wearer = traits::of_wearer(&set.avatar.measure(&set.figure));
+        let of_cut = traits::of_cut(set.outfit.cut_for.as_ref());
+        let other_size = note_of(model, "size") != dress.size.map_or("", Size::label);
         let asked = [dress.height, dress.weight, dress.gender];
         let mut other_shape = false;
         for (name, asked) in ["height", "weight", "gender"].into_iter().zip(asked) {
@@ -264,6 +275,7 @@ impl<'a> Theatre<'a, '_> {
                 other_body || (other_shape && !traits::taught(model, &of_wearer)),
             ),
             ("fabric", other_fabric && !traits::taught(model, &of_fabric)),
+            ("size", other_size && !traits::taught(model, &of_cut)),
         ];
         let others: Vec<&str> = strange.iter().filter(|s| s.1).map(|s| s.0).collect();
         let list = others.iter().map(|o| Value::from(*o));
@@ -274,7 +286,7 @@ impl<'a> Theatre<'a, '_> {
                 "the model was taught with another {what}: its folds are laid over this one unchanged"
             )]);
         }
-        Ok(other_body || other_shape || other_fabric)
+        Ok(other_body || other_shape || other_fabric || other_size)
     }
 
     /// The model with the swings of the garment as it is worn: its own, or those of another body or

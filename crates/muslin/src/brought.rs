@@ -51,6 +51,7 @@ pub(crate) fn rest(avatar: &Avatar, piece: Piece) -> Result<(Piece, Vec<String>)
     let body = body_frame(avatar, &avatar.pose(&figure, &Pose::rest(avatar)), &cores);
     let outfit = Outfit {
         pieces: vec![piece],
+        cut_for: None,
     };
     let worn = put_on(avatar, &outfit, &figure)?;
     let cloth = cloth(&outfit, &worn);

@@ -180,15 +180,24 @@ fn settle(
     Ok(finish(outfit, &cloth, settled))
 }
 
-/// Every garment around the body's rest pose, outside of those under it.
+/// Every garment around the body's rest pose, outside of those under it, in its size.
 pub(crate) fn put_on(
     avatar: &Avatar,
     outfit: &Outfit,
     figure: &Figure,
 ) -> Result<Vec<Worn>, Failure> {
     let garments = outfit.pieces.iter().map(|p| p.garment.clone()).collect();
-    let worn = muslin_garment::Outfit { garments }.worn(avatar, figure);
-    worn.map_err(|e| Failure::new(Exit::Invalid, "garment", e.to_string()))
+    let garments = muslin_garment::Outfit { garments };
+    let on = |figure: &Figure| {
+        let worn = garments.worn(avatar, figure);
+        worn.map_err(|e| Failure::new(Exit::Invalid, "garment", e.to_string()))
+    };
+    let Some(cut) = &outfit.cut_for else {
+        return on(figure);
+    };
+    let (own, wide) = rayon::join(|| on(figure), || on(&cut.figure));
+    let worn = outfit.pieces.iter().zip(own?.into_iter().zip(wide?));
+    Ok(worn.map(|(p, w)| cut.taken_over(p, w)).collect())
 }
 
 /// The outfit as the solver's arrays.

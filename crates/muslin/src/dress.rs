@@ -272,7 +272,9 @@ impl<'a, 'w> Job<'a, 'w> {
         // An unwritable folder must be known before the work is done.
         let output = Output::open(out).map_err(|e| file_failure(&e))?;
         let outfit = Outfit::make(self.avatar, self.options, |w| self.watch.warn(w))?;
+        let outfit = outfit.sized((self.avatar, &model.sitter.shape), self.options)?;
         self.report.set("outfit", tell::outfit(&outfit));
+        tell::size(&mut self.report, &outfit);
         self.done(3, "outfit", tell::pieces(&outfit))?;
         let who = (self.avatar, &model.sitter);
         let dressed = match self.options.simulate {

@@ -10,6 +10,8 @@ use crate::failure::{Exit, Failure};
 /// Somebody in a pose.
 #[derive(Clone, Debug)]
 pub struct Sitter {
+    /// Who.
+    pub shape: Shape,
     /// The rest pose.
     pub figure: Figure,
     /// How they stand.
@@ -41,6 +43,7 @@ impl Sitter {
             ));
         }
         Ok(Self {
+            shape: shape.clone(),
             figure,
             pose,
             posed,

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use muslin_garment::Cut;
 
 use crate::failure::{Exit, Failure};
+use crate::size::Size;
 
 /// Which of the people in a photo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,6 +72,8 @@ pub struct DressOptions {
     pub person: Person,
     /// How loosely.
     pub cut: Cut,
+    /// What the label says; made to measure when absent.
+    pub size: Option<Size>,
     /// Triangle edge of the garments [m], 0.005 to 0.025.
     pub edge: f64,
     /// Deliver a drape whose cloth crosses itself.
@@ -93,6 +96,7 @@ impl Default for DressOptions {
             gender: None,
             person: Person::Largest,
             cut: Cut::Regular,
+            size: None,
             edge: 0.012,
             allow_crossings: false,
             simulate: false,
@@ -123,11 +127,12 @@ impl DressOptions {
 
     /// An option that shapes our own body, if given.
     fn shaped(&self) -> Option<&'static str> {
-        match (self.weight, self.gender) {
-            (Some(_), _) => Some("--weight"),
-            (_, Some(_)) => Some("--gender"),
-            _ => None,
-        }
+        let given = [
+            ("--weight", self.weight.is_some()),
+            ("--gender", self.gender.is_some()),
+            ("--size", self.size.is_some()),
+        ];
+        given.into_iter().find(|g| g.1).map(|g| g.0)
     }
 }
 

@@ -1,7 +1,7 @@
 //! From names to clothes: what is in the wardrobe, and how an outfit is put together.
 
 use glam::DVec2;
-use muslin_body::{Avatar, names};
+use muslin_body::{Avatar, Shape, names};
 use muslin_garment::{Dress, Fabric, Garment, Recipe, Skirt, Tee, Trousers};
 use muslin_geom::Part;
 
@@ -11,6 +11,7 @@ use crate::brought;
 use crate::fabric;
 use crate::failure::{Exit, Failure};
 use crate::options::{DressOptions, Wear};
+use crate::size::CutFor;
 
 /// A garment in a fabric.
 #[derive(Clone, Debug)]
@@ -28,6 +29,8 @@ pub struct Piece {
 pub struct Outfit {
     /// The garments.
     pub pieces: Vec<Piece>,
+    /// Whom they are cut for, where that is not who wears them.
+    pub(crate) cut_for: Option<CutFor>,
 }
 
 /// An entry of the wardrobe.
@@ -146,7 +149,30 @@ impl Outfit {
             .iter()
             .flat_map(|p| p.fabric.warnings())
             .for_each(|w| warn(&w));
-        Ok(Self { pieces })
+        Ok(Self {
+            pieces,
+            cut_for: None,
+        })
+    }
+
+    /// The same in the size that the options ask for, if they do, for a wearer of this shape.
+    pub(crate) fn sized(
+        self,
+        (avatar, shape): (&Avatar, &Shape),
+        options: &DressOptions,
+    ) -> Result<Self, Failure> {
+        let Some(size) = options.size else {
+            return Ok(self);
+        };
+        if let Some(piece) = self.pieces.iter().find(|p| p.sha256.is_some()) {
+            let what = format!("{} has the size of its file", piece.garment.name);
+            let fault = Failure::new(Exit::Usage, "own-size", what).at("--size");
+            return Err(fault.hint("leave it out, or wear garments of the wardrobe"));
+        }
+        Ok(Self {
+            cut_for: Some(CutFor::size(avatar, shape, size)?),
+            ..self
+        })
     }
 
     /// Each garment's share of the vertices and triangles of all.

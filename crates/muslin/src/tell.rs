@@ -135,6 +135,13 @@ pub fn outfit(outfit: &Outfit) -> Vec<Value> {
     outfit.pieces.iter().map(one).collect()
 }
 
+/// The size's part of the report, where one was asked for.
+pub fn size(report: &mut Report, outfit: &Outfit) {
+    if let Some(cut) = &outfit.cut_for {
+        report.set("size", cut.report());
+    }
+}
+
 /// The line of the outfit stage.
 pub fn pieces(outfit: &Outfit) -> String {
     let one = |p: &crate::outfit::Piece| {
@@ -145,7 +152,12 @@ pub fn pieces(outfit: &Outfit) -> String {
             p.fabric.density * 1e3
         )
     };
-    outfit.pieces.iter().map(one).collect::<Vec<_>>().join("; ")
+    let mut told = outfit.pieces.iter().map(one).collect::<Vec<_>>().join("; ");
+    if let Some((size, cut)) = outfit.cut_for.as_ref().and_then(|c| Some((c.size?, c))) {
+        let by = cut.wider()[0] * 100.0;
+        told += &format!("; size {}, chest {by:+.0} cm", size.label());
+    }
+    told
 }
 
 /// As in `4 812`.

@@ -4,6 +4,7 @@ mod kept;
 mod lessons;
 mod log;
 mod options;
+mod small;
 mod told;
 mod variety;
 
@@ -17,6 +18,7 @@ use muslin_io::{Journal, report_json, write_file, write_weights};
 use muslin_train::published::{Course, Published, System};
 use muslin_train::{Told, Trainer, Training};
 
+use crate::animate::read_model;
 use crate::dress::{asked_shape, file_failure};
 use crate::failure::Failure;
 use crate::figure::body_failure;
@@ -24,6 +26,7 @@ use crate::hero::{Hero, avatar_of, body_note, standing};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
 use crate::simulate::expanded;
+use crate::size::Size;
 use crate::swings;
 use crate::tell;
 use crate::watch::Watch;
@@ -122,10 +125,16 @@ impl School<'_, '_> {
     fn garment(&mut self, avatar: &Avatar, figure: &Figure) -> Result<Class, Failure> {
         let mut warnings = Vec::new();
         let tailor = self.hero.map_or(avatar, |h| &h.base);
-        let outfit = Outfit::make(tailor, &self.options.dress, |w| warnings.push(w.to_owned()))?;
+        let dress = &self.options.dress;
+        let outfit = Outfit::make(tailor, dress, |w| warnings.push(w.to_owned()))?;
+        let outfit = outfit.sized((avatar, &asked_shape(avatar, dress)?), dress)?;
         warnings.iter().for_each(|w| self.watch.warn(w));
-        let class = Class::new((avatar, figure), &outfit, self.options)?;
+        let mut class = Class::new((avatar, figure), &outfit, self.options)?;
+        if let Some(path) = &self.options.from {
+            class.begun = Some(read_model(path)?);
+        }
         self.report.set("outfit", tell::outfit(&outfit));
+        tell::size(&mut self.report, &outfit);
         let mut told = tell::pieces(&outfit);
         if class.pupils.len() > 1 {
             told += &format!(", for {} wearers and fabrics", class.pupils.len());
@@ -143,7 +152,11 @@ impl School<'_, '_> {
         let mut lessons = class.lessons(avatar);
         let Some(system) = self.options.system else {
             let pool = motions.into_iter().flat_map(|m| m.poses).collect();
-            let trainer = Trainer::new(lessons, self.options.plan(), pool);
+            let plan = self.options.plan();
+            let trainer = match &class.begun {
+                Some(model) => Trainer::begun(lessons, plan, pool, model),
+                None => Trainer::new(lessons, plan, pool),
+            };
             return Ok(Box::new(trainer.map_err(|e| failure(&e))?));
         };
         let course = self.options.course(system);
@@ -172,6 +185,7 @@ impl School<'_, '_> {
     ) -> Result<Outcome, Failure> {
         let pupil = &class.pupils[0];
         let figure = &pupil.figure;
+        let shown = small::shown(&motions);
         let mut trainer = self.trainer((avatar, class), motions)?;
         let part = beside(out, "part");
         let mut log = Log::default();
@@ -193,8 +207,12 @@ impl School<'_, '_> {
             let cloth = (&pupil.cloth, pupil.template.as_slice());
             model.sway = swings::swings((avatar, figure), cloth)?;
         }
-        let bytes = write_weights(&model.to_weights());
+        let (weights, off) = small::stored((&model, avatar), (&class.pupils, &shown))?;
+        let bytes = write_weights(&weights);
         self.report.set("model_bytes", bytes.len());
+        if let Some(off) = off {
+            self.report.set("off_in_file_mm", off * 1e3);
+        }
         self.told(&last, model.n_codes());
         self.done(
             5,
@@ -283,6 +301,7 @@ impl School<'_, '_> {
     /// What the file says of itself.
     fn notes(&self, class: &Class, sources: &[String], last: &Told) -> BTreeMap<String, String> {
         let d = &self.options.dress;
+        let sources = &class.sources(sources);
         let system = self.options.system;
         let asked = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
         let notes = [
@@ -290,6 +309,8 @@ impl School<'_, '_> {
             ("fabric", class.fabric.clone()),
             ("fabrics", which(self.options.any_fabric).into()),
             ("shapes", which(self.options.any_shape).into()),
+            ("sizes", which(self.options.any_size).into()),
+            ("size", d.size.map_or("", Size::label).into()),
             ("cut", format!("{:?}", d.cut).to_lowercase()),
             ("edge", d.edge.to_string()),
             ("body", body_note(self.hero)),

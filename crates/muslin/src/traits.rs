@@ -4,6 +4,8 @@ use muslin_body::Measures;
 use muslin_garment::Fabric;
 use muslin_model::Model;
 
+use crate::size::CutFor;
+
 /// A number by name.
 pub(crate) type Trait = (&'static str, f64);
 
@@ -31,9 +33,18 @@ pub(crate) fn of_wearer(m: &Measures) -> [Trait; 7] {
     ]
 }
 
-/// The model for a fabric and a wearer, as far as it is told of them.
-pub(crate) fn told(model: Model, (fabric, wearer): (&Fabric, &Measures)) -> Model {
-    let all = [&of_fabric(fabric)[..], &of_wearer(wearer)].concat();
+/// Of a cut: how much wider than the wearer it is made [m]; nothing where it is made to measure.
+pub(crate) fn of_cut(cut: Option<&CutFor>) -> [Trait; 3] {
+    let [chest, waist, hip] = cut.map_or([0.0; 3], CutFor::wider);
+    [("cut_chest", chest), ("cut_waist", waist), ("cut_hip", hip)]
+}
+
+/// The model for a fabric, a wearer and a cut, as far as it is told of them.
+pub(crate) fn told(
+    model: Model,
+    (fabric, wearer, cut): (&Fabric, &Measures, Option<&CutFor>),
+) -> Model {
+    let all = [&of_fabric(fabric)[..], &of_wearer(wearer), &of_cut(cut)].concat();
     model.told(|name| Some(all.iter().find(|t| t.0 == name)?.1))
 }
 

@@ -71,7 +71,8 @@ impl<'a> Known<'a> {
         let measures = avatar.measure(figure);
         let all = outfit.pieces.iter().zip(worn).zip(models);
         let one = |((piece, worn), model): ((&'a Piece, &Worn), Model)| {
-            let model = traits::told(fitted(model, &worn.verts), (&piece.fabric, &measures));
+            let of = (&piece.fabric, &measures, outfit.cut_for.as_ref());
+            let model = traits::told(fitted(model, &worn.verts), of);
             Some((piece, Player::new(&model, avatar).ok()?))
         };
         let pieces = all.map(one).collect::<Option<_>>()?;

@@ -37,8 +37,14 @@ impl Default for Trousers {
 /// Half the room between the legs [m]: triangles must find their way around the fold.
 const BETWEEN: f64 = 0.012;
 
+/// What is nearer to the middle than this on the default body is no leg's but the seam's [m].
+const SEAM: f64 = 0.9 * BETWEEN;
+
 /// How far below the body's crotch the trousers' lies [m].
 const CROTCH_DROP: f64 = 0.012;
+
+/// How far above the seam the legs are apart [m].
+const RISEN: f64 = 0.06;
 
 /// Room around the leg where it is widest for the cut [m].
 const AT_LEAST: f64 = 0.005;
@@ -174,8 +180,9 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Moves the first guess `x` [m] to where thighs that touch leave room for a crotch.
-    pub fn prepare(&self, form: &Form, x: &mut [DVec3]) {
+    /// Moves the first guess `x` [m] to where thighs that touch leave room for a crotch, each leg on its side
+    /// of them.
+    pub fn prepare(&self, form: &Form, x: &mut [DVec3], left: &[f64]) {
         let crotch = self.stand.crotch;
         let ankle = self.stand.limbs[0].ankle.y;
         let usual = crotch.y - CROTCH_DROP - 0.01;
@@ -184,7 +191,11 @@ impl<'a> Plan<'a> {
             .take_while(|y| *y > ankle);
         let open = |y: &f64| !form.holds(DVec3::new(0.0, *y, crotch.z));
         let found = steps.into_iter().find(open).unwrap_or(usual);
-        for p in x {
+        for (p, left) in x.iter_mut().zip(left) {
+            if left.abs() > SEAM && p.y < usual + RISEN {
+                let side = left.signum();
+                p.x = side * (side * p.x).max(BETWEEN);
+            }
             let share = 1.0 - ramp(p.x.abs(), 0.04, 0.16);
             let below = ((p.y - ankle) / (usual - ankle)).clamp(0.0, 1.0);
             let above = ((usual + 0.15 - p.y) / 0.15).clamp(0.0, 1.0);

@@ -24,7 +24,7 @@ const SPIN: (&str, f64) = ("spin", 3.0);
 /// Heads of the table that [`rows`] fills.
 pub(super) const HEADS: [&str; 5] = ["model", "fabric", "hem cm, network", "refined", "simulated"];
 
-/// Adds a row for each fabric, if the model knows fabrics and its garment has a hem that can fly.
+/// Adds a row for each fabric, if the model knows fabrics and its garment hangs freely down to a hem.
 pub(super) fn rows(
     (avatar, model): (&Avatar, &Model),
     (worn, name): (&DressOptions, &str),
@@ -45,7 +45,8 @@ pub(super) fn rows(
         };
         let here = at(FPS)?;
         let garment = &here.outfit.pieces[0].garment;
-        let Some(hem) = garment.rims.iter().find(|r| r.opening == Opening::Hem) else {
+        let hem = garment.rims.iter().find(|r| r.opening == Opening::Hem);
+        let Some(hem) = hem.filter(|_| garment.hangs_freely()) else {
             return Ok(());
         };
         let model = Model {

@@ -145,6 +145,7 @@ pub fn garments(
     data: Option<&Path>,
     models: &[PathBuf],
     (cases, worn): (usize, &DressOptions),
+    watch: &mut Watch,
 ) -> Result<String, Failure> {
     let data = needed(data)?;
     if models.is_empty() {
@@ -171,10 +172,12 @@ pub fn garments(
         let n = cases.div_ceil(HELD_OUT.len());
         for (k, subject) in subjects.iter().enumerate() {
             let name = clip_name(clip, k == 0);
+            watch.progress(&format!("{}: {}", subject.name(), clip_name(clip, true)));
             let at = &data.join(clip);
             rates[k] = one_clip((&avatar, subject), (at, worn, name.clone()), n, &mut table)?;
             if swings::are_ours(&subject.model) {
                 let names = [name.as_str(), &subject.name()];
+                watch.progress(&format!("{}: how it swings", subject.name()));
                 swing::rows((&avatar, &subject.model), (at, worn, names), &mut motion)?;
             }
         }
@@ -182,6 +185,7 @@ pub fn garments(
     let mut cloths = Table::new(&fabrics::HEADS);
     for subject in &subjects {
         let name = subject.name();
+        watch.progress(&format!("{name}: in other fabrics"));
         fabrics::rows((&avatar, &subject.model), (worn, &name), &mut cloths)?;
     }
     let lines = subjects.iter().zip(rates);
@@ -301,6 +305,7 @@ pub(super) fn set<'a>(
     let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
     let moving = motion::load((avatar, None), &figure, &options)?;
     let outfit = Outfit::make(avatar, &options.dress, |_| {})?;
+    let outfit = outfit.sized((avatar, &shape), &options.dress)?;
     let set = Set::new(avatar, figure, moving, outfit)?;
     fits(model, &set)?;
     Ok(set)
@@ -366,10 +371,21 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        let fault = garments(None, &[], (3, &DressOptions::default())).expect_err("no data");
+        let fault = garments(
+            None,
+            &[],
+            (3, &DressOptions::default()),
+            &mut Watch::nobody(),
+        )
+        .expect_err("no data");
         assert_eq!(fault.code, "no-data");
-        let fault = garments(Some(Path::new(".")), &[], (3, &DressOptions::default()))
-            .expect_err("no model");
+        let fault = garments(
+            Some(Path::new(".")),
+            &[],
+            (3, &DressOptions::default()),
+            &mut Watch::nobody(),
+        )
+        .expect_err("no model");
         assert_eq!((fault.code, fault.exit), ("no-model", Exit::Usage));
     }
 }

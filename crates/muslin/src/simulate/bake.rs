@@ -1,7 +1,7 @@
 //! Small animations: garments as few handles and shapes, and a body without what they cover.
 
 use glam::DVec3;
-use muslin_geom::{Baked, Report, Surface, intersecting_pairs, vertex_normals};
+use muslin_geom::{Baked, Report, Surface, intersecting_pairs, self_intersections, vertex_normals};
 use muslin_io::{Clip, read_moving};
 use rayon::prelude::*;
 
@@ -227,21 +227,28 @@ pub fn judged(bytes: &[u8], clip: &Clip) -> Result<Judged, Failure> {
             faces: faces.to_vec(),
         };
         let cloth = mesh(&read.drape.frames[t], &read.drape.faces);
-        intersecting_pairs(&cloth, &mesh(body, body_faces)).len()
+        let skin = mesh(body, body_faces);
+        [
+            intersecting_pairs(&cloth, &skin).len(),
+            self_intersections(&cloth).len(),
+        ]
     };
     let frames = read.drape.frames.len();
-    let met: Vec<usize> = (0..frames).into_par_iter().map(met).collect();
-    let touched = met.iter().filter(|n| **n > 0).count();
-    let most = met.iter().max().copied().unwrap_or(0);
+    let met: Vec<[usize; 2]> = (0..frames).into_par_iter().map(met).collect();
+    let frames_with = |k: usize| met.iter().filter(|n| n[k] > 0).count();
+    let most = |k: usize| met.iter().map(|n| n[k]).max().unwrap_or(0);
     let mut report = Report::default();
     report.set("off_mean_mm", round(mean * 1e3));
     report.set("off_p99_mm", mm(at(0.99)));
     report.set("off_most_mm", mm(at(1.0)));
-    report.set("frames_through_shown_skin", touched);
-    report.set("pairs_through_shown_skin", most);
-    let warning = (touched > 0).then(|| {
+    report.set("frames_through_shown_skin", frames_with(0));
+    report.set("pairs_through_shown_skin", most(0));
+    report.set("frames_through_itself", frames_with(1));
+    report.set("pairs_through_itself", most(1));
+    let warning = (frames_with(0) + frames_with(1) > 0).then(|| {
         format!(
-            "baked: cloth meets skin that is seen in {touched} of {frames} frames ({most} pairs of triangles at most); more morphs or bones, or --bake frames, are nearer to what was found"
+            "baked: of {frames} frames cloth meets skin that is seen in {} ({} pairs of triangles at most) and cloth in {} ({}); more morphs or bones, or --bake frames, are nearer to what was found",
+            frames_with(0), most(0), frames_with(1), most(1)
         )
     });
     let mut shown = clip.clone();

@@ -71,6 +71,7 @@ impl<'a> Set<'a> {
         let worn = (
             &self.outfit.pieces[0].fabric,
             &self.avatar.measure(&self.figure),
+            self.outfit.cut_for.as_ref(),
         );
         Ok(traits::told(wardrobe::fitted(model, &template), worn))
     }

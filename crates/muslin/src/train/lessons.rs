@@ -2,6 +2,7 @@
 
 use muslin_body::{Avatar, Figure, Motion, Sparse};
 use muslin_garment::Fabric;
+use muslin_model::Model;
 use muslin_net::learn::Noise;
 use muslin_sim::Cloth;
 use muslin_train::published::System;
@@ -10,10 +11,13 @@ use rayon::prelude::*;
 
 use super::{TrainOptions, variety};
 use crate::drape::{cloth, put_on};
+use crate::dress::asked_shape;
 use crate::failure::Failure;
+use crate::figure::body_failure;
 use crate::hero::Hero;
 use crate::outfit::Outfit;
 use crate::simulate::{SimulateOptions, motion};
+use crate::size::CutFor;
 use crate::traits::{self, Trait};
 
 /// Rounds in which skin weights spread, and bones a vertex follows at most.
@@ -40,6 +44,8 @@ pub(super) struct Class {
     pub pupils: Vec<Pupil>,
     pub weights: Sparse,
     pub fabric: String,
+    /// What it begins with.
+    pub begun: Option<Model>,
 }
 
 impl Class {
@@ -56,29 +62,40 @@ impl Class {
             .map_or(DIFFUSED, |s| (s.smoothed(), ALL_BONES));
         let weights = diffused(&skin, &piece.garment.faces, spread);
         let (fabrics, noise) = (variety::fabrics(), &mut Noise::new(options.seed ^ 0xc1a5));
-        let lessons = match options.any_fabric || options.any_shape {
+        let lessons = match options.any_fabric || options.any_shape || options.any_size {
             true => variety::LESSONS,
             false => 1,
         };
-        let mut wear = vec![(figure.clone(), piece.fabric.clone())];
+        let own = asked_shape(avatar, &options.dress)?;
+        let mut wear = vec![(figure.clone(), piece.fabric.clone(), outfit.cut_for.clone())];
         for _ in 1..lessons {
-            let (mut who, mut what) = wear[0].clone();
+            let (mut who, mut what, mut cut) = wear[0].clone();
+            let mut shape = own.clone();
             if options.any_shape {
-                who = variety::anybody(avatar, noise)?;
+                shape = variety::any_shape(noise);
+                who = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
             }
             if options.any_fabric {
                 what = variety::any_fabric(&fabrics, noise);
             }
-            wear.push((who, what));
+            if options.any_size {
+                cut = Some(variety::any_cut(avatar, (&shape, &who), noise));
+            }
+            wear.push((who, what, cut));
         }
-        let one = |(figure, fabric): (Figure, Fabric)| -> Result<Pupil, Failure> {
+        type Wear = (Figure, Fabric, Option<CutFor>);
+        let one = |(figure, fabric, cut): Wear| -> Result<Pupil, Failure> {
             let mut worn = outfit.clone();
+            worn.cut_for = cut;
             let mut traits = Vec::new();
             if options.any_fabric {
                 traits.extend(traits::of_fabric(&fabric));
             }
             if options.any_shape {
                 traits.extend(traits::of_wearer(&avatar.measure(&figure)));
+            }
+            if options.any_size {
+                traits.extend(traits::of_cut(worn.cut_for.as_ref()));
             }
             worn.pieces[0].fabric = fabric;
             let (_, stood) = avatar.dressing(&figure);
@@ -95,7 +112,24 @@ impl Class {
             pupils: pupils?,
             weights,
             fabric: piece.fabric.name.clone(),
+            begun: None,
         })
+    }
+
+    /// What it learnt from in all, that which the model at the beginning learnt from first.
+    pub fn sources(&self, own: &[String]) -> Vec<String> {
+        let before = self.begun.as_ref().and_then(|m| m.notes.get("trained_on"));
+        let before = before.map_or("", String::as_str).split("; ");
+        let mut all: Vec<String> = before
+            .filter(|s| !s.is_empty())
+            .map(str::to_owned)
+            .collect();
+        for source in own {
+            if !all.contains(source) {
+                all.push(source.clone());
+            }
+        }
+        all
     }
 
     /// What is to be learnt of each of them.

@@ -1,6 +1,6 @@
 //! What may be asked of `train`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use muslin_body::motions;
 use muslin_train::Plan;
@@ -26,10 +26,14 @@ pub struct TrainOptions {
     pub mixed: Option<usize>,
     /// Motions that are not learnt from but judged at the end.
     pub check: Vec<String>,
+    /// A model of the same garment to begin with; its triangles may be others.
+    pub from: Option<PathBuf>,
     /// Teach any fabric, not only that which is worn.
     pub any_fabric: bool,
     /// Teach any adult body, not only the one that was asked for.
     pub any_shape: bool,
+    /// Teach any size, from a little tight to several sizes too large, not only one.
+    pub any_size: bool,
     /// Steps of learning.
     pub steps: u64,
     /// Learnt shapes of our own network; 64 if not said.
@@ -61,8 +65,10 @@ impl Default for TrainOptions {
             poses: 500,
             mixed: None,
             check: Vec::new(),
+            from: None,
             any_fabric: false,
             any_shape: false,
+            any_size: false,
             steps: Plan::default().steps,
             codes: None,
             width: None,
@@ -112,6 +118,8 @@ impl TrainOptions {
         let wrong = [
             ("--fabric", self.any_fabric && self.system.is_some(), ours),
             ("--shape", self.any_shape && self.system.is_some(), ours),
+            ("--from", self.from.is_some() && self.system.is_some(), ours),
+            ("--sizes", self.any_size && self.system.is_some(), ours),
             (
                 "--codes",
                 self.codes.is_some() && self.system.is_some(),
@@ -153,9 +161,10 @@ impl TrainOptions {
     pub fn check(&self, out: &Path) -> Result<(), Failure> {
         self.dress.check()?;
         self.belongs()?;
-        if self.any_shape && self.dress.body.is_some() {
+        let any = [("--shape", self.any_shape), ("--sizes", self.any_size)];
+        if let (Some((option, _)), Some(_)) = (any.iter().find(|a| a.1), &self.dress.body) {
             let what = "a character has a shape of its own";
-            let fault = Failure::new(Exit::Usage, "own-shape", what).at("--shape");
+            let fault = Failure::new(Exit::Usage, "own-shape", what).at(*option);
             return Err(fault.hint("leave it out; --fabric any is for characters as well"));
         }
         within("--steps", "", Some(self.steps as f64), (1.0, 1e7))?;

@@ -4,8 +4,7 @@ use muslin_body::{Avatar, Figure, Shape};
 use muslin_garment::Fabric;
 use muslin_net::learn::Noise;
 
-use crate::failure::Failure;
-use crate::figure::body_failure;
+use crate::size::{CutFor, reach};
 
 /// Wearers and fabrics in all, where anything may vary.
 pub(super) const LESSONS: usize = 32;
@@ -15,14 +14,41 @@ const WIDE: (f64, f64) = (0.05, 0.95);
 /// Least age, the body's youngest adult, and most.
 const AGES: (f64, f64) = (muslin_body::ADULT, 0.95);
 
-/// A body of any adult shape.
-pub(super) fn anybody(avatar: &Avatar, noise: &mut Noise) -> Result<Figure, Failure> {
+/// How much heavier than the wearer those are whom sizes are cut for: a size too small to several too
+/// large.
+const STOUTER: (f64, f64) = (0.88, 2.0);
+
+/// Any adult shape.
+pub(super) fn any_shape(noise: &mut Noise) -> Shape {
     let mut shape = Shape::default();
     for (k, name) in muslin_body::PHENOTYPES.iter().enumerate() {
         let (least, most) = if *name == "age" { AGES } else { WIDE };
         shape.phenotypes[k] = least + (most - least) * noise.unit();
     }
-    avatar.figure(&shape).map_err(|e| body_failure(&e))
+    shape
+}
+
+/// Somebody as tall as the wearer and built alike, for whom a size may be cut that the wearer has on.
+pub(super) fn any_cut(
+    avatar: &Avatar,
+    (shape, wearer): (&Shape, &Figure),
+    noise: &mut Noise,
+) -> CutFor {
+    let own = avatar.measure(wearer);
+    // Half of them within a fifth of the wearer.
+    let share = STOUTER.0 + (STOUTER.1 - STOUTER.0) * noise.unit().powi(2);
+    let other = reach(|kg| shape.with_mass(avatar, kg).map(|_| ())).and_then(|[least, most]| {
+        let kg = (share * own.mass).clamp(least, most);
+        avatar.figure(&shape.with_mass(avatar, kg)?)
+    });
+    // The least of bodies are out of reach if they are to be stouter and as tall: made to measure.
+    let figure = other.unwrap_or_else(|_| wearer.clone());
+    CutFor {
+        size: None,
+        measures: avatar.measure(&figure),
+        figure,
+        wearer: own,
+    }
 }
 
 /// The fabrics that others lie between: those of real cloth, and the paper one that models are compared

@@ -1,0 +1,76 @@
+/* Muslin: a trained garment, frame by frame.
+ *
+ * A garment is opened once, on a body of ours of some height, weight and gender; then every call of
+ * muslin_frame gives the cloth in one more pose, as its network predicts it, in a fraction of a millisecond. It
+ * takes no memory, reads no file and is not checked: cloth may touch where training did not reach.
+ *
+ * Metres, seconds, right-handed, Y up, the body faces +Z. Quaternions are x, y, z, w. A garment may be used by
+ * one thread at a time; two garments by two. Nothing here ends the program, and nothing is printed.
+ *
+ *   cargo build --release -p muslin-c
+ *   cc program.c -Iinclude -Ltarget/release -lmuslin_c -lm
+ */
+#ifndef MUSLIN_H
+#define MUSLIN_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct muslin_garment muslin_garment;
+
+/* Who wears what. Zero it, then set what matters: what is zero is as the model was taught. */
+typedef struct muslin_wear {
+    const char *garment; /* of the wardrobe ("tee", "trousers", "skirt", "dress"), where no model is given */
+    const char *fabric;  /* as `muslin list fabrics` names it */
+    const char *size;    /* "XS" to "XXL"; else made to measure */
+    double height;       /* [m] */
+    double weight;       /* [kg] */
+    double gender;       /* above 0 (male) to 1 (female) */
+} muslin_wear;
+
+/* What is returned where nothing is: a root's parent. */
+#define MUSLIN_NONE UINT32_MAX
+
+/* Opens the model in `n_bytes` bytes of a .muslin file, or, where `model` is NULL, that of the garment named in
+ * `wear`. `wear` may be NULL with a model. Takes about a second. NULL if it cannot be done: then `error`, if
+ * not NULL, holds why, cut to `error_room` bytes with its closing zero. */
+muslin_garment *muslin_open(const void *model, size_t n_bytes, const muslin_wear *wear,
+                            char *error, size_t error_room);
+
+/* Gives its memory back; NULL is no fault. */
+void muslin_close(muslin_garment *garment);
+
+/* How many vertices and triangles the cloth has. */
+uint32_t muslin_vertices(const muslin_garment *garment);
+uint32_t muslin_triangles(const muslin_garment *garment);
+
+/* Three corners a triangle, counter-clockwise seen from outside; until the garment is closed. */
+const uint32_t *muslin_corners(const muslin_garment *garment);
+
+/* The skeleton: how many bones, and of each its name (until the garment is closed; NULL beyond the last), its
+ * parent, which comes before it, and where it turns in the rest pose [m]. */
+uint32_t muslin_bones(const muslin_garment *garment);
+const char *muslin_bone_name(const muslin_garment *garment, uint32_t bone);
+uint32_t muslin_bone_parent(const muslin_garment *garment, uint32_t bone);
+void muslin_bone_joint(const muslin_garment *garment, uint32_t bone, float joint[3]);
+
+/* Starts a sequence: frames are `seconds` apart from now on, and the body comes to the first without motion. */
+void muslin_begin(muslin_garment *garment, float seconds);
+
+/* How much motion counts: 1 as in nature, 0 as if the body stood still in every pose. */
+void muslin_motion_level(muslin_garment *garment, float level);
+
+/* The cloth in the next pose. `turns`: four numbers a bone, its turn from rest in its parent's frame. `root`: how far
+ * the body is moved [m]. `vertices`: room for three numbers a vertex [m]. 0 if all is well; 1 where a number is not
+ * finite or a turn is nothing, and then `vertices` is left as it was. */
+int muslin_frame(muslin_garment *garment, const float *turns, const float root[3], float *vertices);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,294 @@
+//! Trained garments in programs that speak C: what `include/muslin.h` declares.
+//!
+//! Every function takes NULL for what it is not, and no panic leaves it.
+
+// Pointers come from another language; each is looked at before it is used.
+#![allow(unsafe_code)]
+
+use std::ffi::{CStr, CString, c_char, c_int, c_void};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::ptr;
+use std::slice;
+
+use muslin::{DressOptions, Playing, Size, Wear};
+
+/// What is returned where nothing is.
+pub const NONE: u32 = u32::MAX;
+
+/// A garment that is open.
+#[derive(Debug)]
+pub struct Garment {
+    playing: Playing,
+    names: Vec<CString>,
+}
+
+/// Who wears what; zero where it does not matter.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct Worn {
+    /// Of the wardrobe.
+    pub garment: *const c_char,
+    /// By name.
+    pub fabric: *const c_char,
+    /// A letter.
+    pub size: *const c_char,
+    /// [m]
+    pub height: f64,
+    /// [kg]
+    pub weight: f64,
+    /// 0 (male) to 1 (female).
+    pub gender: f64,
+}
+
+impl Worn {
+    /// # Safety
+    /// Each text is NULL or ends with a zero.
+    unsafe fn options(&self) -> Result<DressOptions, String> {
+        // SAFETY: as the caller says.
+        let (garment, fabric, size) =
+            unsafe { (text(self.garment)?, text(self.fabric)?, text(self.size)?) };
+        let given = |x: f64| (x != 0.0).then_some(x);
+        let wear = Wear {
+            fabric: fabric.map(str::to_owned),
+            ..Wear::parse(garment.unwrap_or_default())
+        };
+        Ok(DressOptions {
+            outfit: vec![wear],
+            size: size.map(Size::parse).transpose()?,
+            height: given(self.height),
+            weight: given(self.weight),
+            gender: given(self.gender),
+            ..DressOptions::default()
+        })
+    }
+}
+
+/// # Safety
+/// The pointer is NULL or to a text that ends with a zero and lives as long as is made of it.
+unsafe fn text<'a>(at: *const c_char) -> Result<Option<&'a str>, String> {
+    if at.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: as the caller says.
+    let text = unsafe { CStr::from_ptr(at) };
+    let text = text.to_str().map_err(|_| "a name is no UTF-8".to_owned())?;
+    Ok(Some(text))
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `model` is NULL or to `n_bytes` bytes, `wear` NULL or whole, `error` NULL or to `error_room` bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_open(
+    model: *const c_void,
+    n_bytes: usize,
+    wear: *const Worn,
+    error: *mut c_char,
+    error_room: usize,
+) -> *mut Garment {
+    // SAFETY: as the caller says.
+    let open = || unsafe { open((model, n_bytes), wear) };
+    let fault = match catch_unwind(open) {
+        Ok(Ok(garment)) => return Box::into_raw(Box::new(garment)),
+        Ok(Err(fault)) => fault,
+        Err(_) => "a fault in Muslin; please report it".to_owned(),
+    };
+    if !error.is_null() && error_room > 0 {
+        let mut n = fault.len().min(error_room - 1);
+        while !fault.is_char_boundary(n) {
+            n -= 1;
+        }
+        // SAFETY: there is room for `n` bytes and a zero.
+        unsafe {
+            ptr::copy_nonoverlapping(fault.as_ptr().cast(), error, n);
+            *error.add(n) = 0;
+        }
+    }
+    ptr::null_mut()
+}
+
+/// # Safety
+/// As [`muslin_open`].
+unsafe fn open(
+    (model, n_bytes): (*const c_void, usize),
+    wear: *const Worn,
+) -> Result<Garment, String> {
+    // SAFETY: as the caller says.
+    let bytes =
+        (!model.is_null()).then(|| unsafe { slice::from_raw_parts(model.cast::<u8>(), n_bytes) });
+    // SAFETY: as the caller says.
+    let mut options = match unsafe { wear.as_ref() } {
+        // SAFETY: as the caller says.
+        Some(wear) => unsafe { wear.options()? },
+        None => DressOptions::default(),
+    };
+    if wear.is_null() && bytes.is_some() {
+        options.outfit.clear();
+    }
+    let playing = Playing::new(bytes, &options).map_err(|e| e.to_string())?;
+    let bones = playing.avatar().rig().bones.iter();
+    let names = bones.map(|b| CString::new(b.name.as_str()).unwrap_or_default());
+    Ok(Garment {
+        names: names.collect(),
+        playing,
+    })
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open, and not used any more.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_close(garment: *mut Garment) {
+    if !garment.is_null() {
+        // SAFETY: it came from `muslin_open`.
+        drop(unsafe { Box::from_raw(garment) });
+    }
+}
+
+/// Asks an open garment.
+///
+/// # Safety
+/// `garment` is NULL or open.
+unsafe fn of<T>(garment: *const Garment, none: T, ask: impl FnOnce(&Garment) -> T) -> T {
+    // SAFETY: as the caller says.
+    match unsafe { garment.as_ref() } {
+        Some(garment) => ask(garment),
+        None => none,
+    }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_vertices(garment: *const Garment) -> u32 {
+    // SAFETY: as the caller says.
+    unsafe { of(garment, 0, |g| g.playing.n_verts() as u32) }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_triangles(garment: *const Garment) -> u32 {
+    // SAFETY: as the caller says.
+    unsafe { of(garment, 0, |g| g.playing.faces().len() as u32) }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_corners(garment: *const Garment) -> *const u32 {
+    let corners = |g: &Garment| g.playing.faces().as_flattened().as_ptr();
+    // SAFETY: as the caller says.
+    unsafe { of(garment, ptr::null(), corners) }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_bones(garment: *const Garment) -> u32 {
+    // SAFETY: as the caller says.
+    unsafe { of(garment, 0, |g| g.names.len() as u32) }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_bone_name(garment: *const Garment, bone: u32) -> *const c_char {
+    let name = |g: &Garment| {
+        let name = g.names.get(bone as usize);
+        name.map_or(ptr::null(), |n| n.as_ptr())
+    };
+    // SAFETY: as the caller says.
+    unsafe { of(garment, ptr::null(), name) }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_bone_parent(garment: *const Garment, bone: u32) -> u32 {
+    let parent = |g: &Garment| {
+        let bone = g.playing.avatar().rig().bones.get(bone as usize);
+        bone.and_then(|b| b.parent).map_or(NONE, |p| p as u32)
+    };
+    // SAFETY: as the caller says.
+    unsafe { of(garment, NONE, parent) }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open, `joint` NULL or to three numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_bone_joint(garment: *const Garment, bone: u32, joint: *mut f32) {
+    let place = |g: &Garment| g.playing.figure().joints.get(bone as usize).copied();
+    // SAFETY: as the caller says.
+    if let (Some(p), false) = (unsafe { of(garment, None, place) }, joint.is_null()) {
+        let p = p.as_vec3().to_array();
+        // SAFETY: as the caller says.
+        unsafe { ptr::copy_nonoverlapping(p.as_ptr(), joint, 3) };
+    }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_begin(garment: *mut Garment, seconds: f32) {
+    // SAFETY: as the caller says.
+    if let (Some(g), true) = (unsafe { garment.as_mut() }, seconds > 0.0) {
+        g.playing.begin(f64::from(seconds));
+    }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_motion_level(garment: *mut Garment, level: f32) {
+    // SAFETY: as the caller says.
+    if let (Some(g), true) = (unsafe { garment.as_mut() }, level >= 0.0) {
+        g.playing.set_motion_level(level);
+    }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open; `turns` is to four numbers a bone, `root` to three, `vertices` to three a vertex.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_frame(
+    garment: *mut Garment,
+    turns: *const f32,
+    root: *const f32,
+    vertices: *mut f32,
+) -> c_int {
+    if garment.is_null() || turns.is_null() || root.is_null() || vertices.is_null() {
+        return 1;
+    }
+    // SAFETY: none is NULL, and as the caller says.
+    let (g, turns, root, out) = unsafe {
+        let g = &mut *garment;
+        let n = g.playing.n_verts();
+        let turns = slice::from_raw_parts(turns.cast::<[f32; 4]>(), g.names.len());
+        let out = slice::from_raw_parts_mut(vertices.cast::<[f32; 3]>(), n);
+        (g, turns, *root.cast::<[f32; 3]>(), out)
+    };
+    let frame = AssertUnwindSafe(|| g.playing.frame(turns, root, out));
+    c_int::from(!catch_unwind(frame).unwrap_or(false))
+}

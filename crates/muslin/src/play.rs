@@ -1,0 +1,158 @@
+//! A trained garment in somebody else's program: ready once, then frame by frame.
+
+use glam::{DAffine3, DQuat, DVec3};
+use muslin_body::{Avatar, Figure, Pose};
+use muslin_model::{Model, Player};
+
+use crate::animate::{as_trained, decode_model, model_failure};
+use crate::drape::{cloth, put_on};
+use crate::dress::asked_shape;
+use crate::failure::{Exit, Failure};
+use crate::figure::body_failure;
+use crate::hero::standing;
+use crate::options::{DressOptions, Wear};
+use crate::outfit::Outfit;
+use crate::simulate::SimulateOptions;
+use crate::swings;
+use crate::train::topology;
+use crate::traits;
+use crate::wardrobe;
+
+/// A garment on our own body, as its model predicts it: a frame takes no memory, reads no file and is not
+/// checked.
+#[derive(Debug)]
+pub struct Playing {
+    avatar: Avatar,
+    figure: Figure,
+    faces: Vec<[u32; 3]>,
+    player: Player,
+    pose: Pose,
+    bones: Vec<DAffine3>,
+}
+
+impl Playing {
+    /// The model in these bytes of a `.muslin` file, or without bytes that of the first garment of the options in
+    /// the wardrobe, on somebody of their height, weight and gender, in their size and fabric.
+    pub fn new(bytes: Option<&[u8]>, options: &DressOptions) -> Result<Self, Failure> {
+        let model = match bytes {
+            Some(bytes) => decode_model("the model", bytes)?,
+            None => wardrobe::model(options.outfit.first().map_or("", |w| &w.garment))?,
+        };
+        if model.notes.get("body").is_some_and(|b| b != "anny") || options.body.is_some() {
+            let what = "models of characters are not played here";
+            return Err(Failure::new(Exit::Usage, "no-character", what)
+                .hint("take a model of our own body, or `muslin animate --body`"));
+        }
+        let asked = SimulateOptions {
+            dress: DressOptions {
+                outfit: worn(options),
+                ..options.clone()
+            },
+            ..SimulateOptions::default()
+        };
+        let dress = as_trained(&model, &asked)?.dress;
+        let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+        let figure = standing(&avatar, None, &dress)?.figure;
+        let outfit = Outfit::make(&avatar, &dress, |_| {})?;
+        let outfit = outfit.sized((&avatar, &asked_shape(&avatar, &dress)?), &dress)?;
+        let model = told(model, (&avatar, &figure), &outfit)?;
+        let player = Player::new(&model, &avatar).map_err(|e| model_failure(&e))?;
+        Ok(Self {
+            pose: Pose::rest(&avatar),
+            bones: Vec::with_capacity(avatar.rig().n_bones()),
+            faces: model.faces,
+            player,
+            avatar,
+            figure,
+        })
+    }
+
+    /// Triangles of the cloth.
+    pub fn faces(&self) -> &[[u32; 3]] {
+        &self.faces
+    }
+
+    /// How many vertices a frame has.
+    pub fn n_verts(&self) -> usize {
+        self.player.n_verts()
+    }
+
+    /// The body's family, whose rig poses are of.
+    pub fn avatar(&self) -> &Avatar {
+        &self.avatar
+    }
+
+    /// Who wears it.
+    pub fn figure(&self) -> &Figure {
+        &self.figure
+    }
+
+    /// Starts a sequence of frames `step` seconds apart: the body comes to the first without motion.
+    pub fn begin(&mut self, step: f64) {
+        self.player.begin(step);
+    }
+
+    /// How much motion counts, 1 as in nature and 0 as if the body stood still.
+    pub fn set_motion_level(&mut self, level: f32) {
+        self.player.set_motion_level(level);
+    }
+
+    /// The cloth [m] in the next pose: a turn of every bone in its parent's frame (x, y, z, w), and how far the
+    /// body is moved [m]. Says whether all of these and of what comes out is finite; without that `out` is
+    /// left as it is.
+    ///
+    /// # Panics
+    /// Where `turns` has not one entry per bone or `out` not one per vertex.
+    pub fn frame(&mut self, turns: &[[f32; 4]], root: [f32; 3], out: &mut [[f32; 3]]) -> bool {
+        assert_eq!(turns.len(), self.pose.rotations.len(), "a turn per bone");
+        let sound = |q: &[f32; 4]| {
+            let sum: f32 = q.iter().map(|x| x * x).sum();
+            sum.is_finite() && sum > 1e-12
+        };
+        if !turns.iter().all(sound) || !root.iter().all(|x| x.is_finite()) {
+            return false;
+        }
+        for (to, q) in self.pose.rotations.iter_mut().zip(turns) {
+            *to = DQuat::from_array(q.map(f64::from)).normalize();
+        }
+        self.pose.root = DVec3::from_array(root.map(f64::from));
+        self.avatar
+            .bones_into(&self.figure, &self.pose, &mut self.bones);
+        self.player.frame(&self.pose, &self.bones, out);
+        true
+    }
+}
+
+/// What the options have on; a stand-in where the model alone says what it is.
+fn worn(options: &DressOptions) -> Vec<Wear> {
+    match options.outfit.is_empty() {
+        true => vec![Wear::parse("tee")],
+        false => options.outfit.clone(),
+    }
+}
+
+/// A model around this body, told of it, of its cloth and of how that swings.
+fn told(
+    model: Model,
+    (avatar, figure): (&Avatar, &Figure),
+    outfit: &Outfit,
+) -> Result<Model, Failure> {
+    let (_, stood) = avatar.dressing(figure);
+    let worn = put_on(avatar, outfit, &stood)?;
+    let cloth = cloth(outfit, &worn);
+    if model.notes.get("topology") != Some(&topology(&cloth.faces)) {
+        let what = "the garment that this version cuts has other triangles than the model";
+        return Err(Failure::new(Exit::Invalid, "other-garment", what)
+            .hint("train it again with this version"));
+    }
+    let weights = wardrobe::weights(&model, avatar)?;
+    let template = avatar.at_rest(figure, (&weights, &worn[0].verts));
+    let fabric = &outfit.pieces[0].fabric;
+    let of = (fabric, &avatar.measure(figure), outfit.cut_for.as_ref());
+    let model = traits::told(wardrobe::fitted(model, &template), of);
+    if !swings::are_ours(&model) {
+        return Ok(model);
+    }
+    let sway = swings::swings((avatar, figure), (&cloth, &template))?;
+    Ok(Model { sway, ..model })
+}

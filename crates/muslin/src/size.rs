@@ -1,0 +1,243 @@
+//! Sizes on a label: for whom a garment is cut, whoever wears it.
+//!
+//! A letter stands for a span of chest girths (EN 13402-3). The garment is cut for somebody in the middle of it who
+//! is otherwise built like the wearer and as tall.
+
+use glam::DVec3;
+use muslin_body::{Avatar, BodyError, Figure, Measures, Shape};
+use muslin_garment::Worn;
+use muslin_geom::Report;
+
+use crate::failure::{Exit, Failure};
+use crate::figure::body_failure;
+use crate::outfit::Piece;
+
+/// A letter on a label.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Size {
+    /// Extra small.
+    Xs,
+    /// Small.
+    S,
+    /// Medium.
+    M,
+    /// Large.
+    L,
+    /// Extra large.
+    Xl,
+    /// Twice that.
+    Xxl,
+}
+
+/// The spans' ends [cm], men's chest and women's bust, from XS on (EN 13402-3:2004).
+const MEN: [f64; 7] = [78.0, 86.0, 94.0, 102.0, 110.0, 118.0, 129.0];
+const WOMEN: [f64; 7] = [74.0, 82.0, 90.0, 98.0, 107.0, 119.0, 131.0];
+
+impl Size {
+    /// From the smallest.
+    pub const ALL: [Self; 6] = [Self::Xs, Self::S, Self::M, Self::L, Self::Xl, Self::Xxl];
+
+    /// As it stands on a label.
+    pub fn label(self) -> &'static str {
+        ["XS", "S", "M", "L", "XL", "XXL"][self as usize]
+    }
+
+    /// From a label, in any case.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let asked = text.trim();
+        let same = |s: &Self| s.label().eq_ignore_ascii_case(asked);
+        let found = Self::ALL.into_iter().find(same);
+        found.ok_or_else(|| "a size is XS, S, M, L, XL or XXL".to_owned())
+    }
+
+    /// The middle of its chest girths [m]; `gender` from 0 (male) to 1 (female).
+    pub fn chest(self, gender: f64) -> f64 {
+        let k = self as usize;
+        let middle = |of: [f64; 7]| 0.5 * (of[k] + of[k + 1]) / 100.0;
+        (1.0 - gender) * middle(MEN) + gender * middle(WOMEN)
+    }
+
+    /// The size whose girths are nearest to a chest [m].
+    pub fn of(chest: f64, gender: f64) -> Self {
+        let far = |s: &Self| (s.chest(gender) - chest).abs();
+        let nearest = Self::ALL
+            .into_iter()
+            .min_by(|a, b| far(a).total_cmp(&far(b)));
+        nearest.expect("there are sizes")
+    }
+}
+
+/// Somebody whom garments are cut for that another wears.
+#[derive(Clone, Debug)]
+pub(crate) struct CutFor {
+    /// What the label says; none where it was drawn at random.
+    pub size: Option<Size>,
+    pub figure: Figure,
+    pub measures: Measures,
+    /// The wearer's.
+    pub wearer: Measures,
+}
+
+/// Weights beyond all bodies, and how far inside of the least and the most [kg].
+const BEYOND: [f64; 2] = [1.0, 1e4];
+const INSIDE: f64 = 0.02;
+
+/// The least and the most that somebody may weigh [kg].
+pub(crate) fn reach(
+    weighing: impl Fn(f64) -> Result<(), BodyError>,
+) -> Result<[f64; 2], BodyError> {
+    let end = |kg: f64| match weighing(kg) {
+        Err(BodyError::MassOutOfReach { least, most, .. }) => Ok(match kg < least {
+            true => least + INSIDE,
+            false => most - INSIDE,
+        }),
+        Err(e) => Err(e),
+        Ok(()) => Ok(kg),
+    };
+    Ok([end(BEYOND[0])?, end(BEYOND[1])?])
+}
+
+/// Halvings in which a weight is found for a chest.
+const HALVINGS: usize = 14;
+
+impl CutFor {
+    /// The figure of a size for a wearer of this shape.
+    pub fn size(avatar: &Avatar, shape: &Shape, size: Size) -> Result<Self, Failure> {
+        let fault = |e| body_failure(&e);
+        let chest = size.chest(shape.get("gender").map_err(fault)?);
+        let height = avatar.height_of(shape).map_err(fault)?;
+        let weighing = |kg: f64| -> Result<(Figure, Measures), BodyError> {
+            let figure = avatar.figure(&shape.with_height_and_mass(avatar, height, kg)?)?;
+            let measures = avatar.measure(&figure);
+            Ok((figure, measures))
+        };
+        let [mut low, mut high] = reach(|kg| weighing(kg).map(|_| ())).map_err(fault)?;
+        let thin = weighing(low).map_err(fault)?.1;
+        let stout = weighing(high).map_err(fault)?.1;
+        if !(thin.chest..=stout.chest).contains(&chest) {
+            let what = format!(
+                "size {} is for a chest of {:.0} cm; at {:.0} cm tall our body has {:.0} to {:.0} cm",
+                size.label(),
+                chest * 100.0,
+                height * 100.0,
+                thin.chest * 100.0,
+                stout.chest * 100.0
+            );
+            return Err(Failure::new(Exit::Invalid, "size", what)
+                .at("--size")
+                .hint("take a nearer size, or another --height"));
+        }
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            match weighing(middle).map_err(fault)?.1.chest < chest {
+                true => low = middle,
+                false => high = middle,
+            }
+        }
+        let (figure, measures) = weighing(0.5 * (low + high)).map_err(fault)?;
+        let wearer = avatar.measure(&avatar.figure(shape).map_err(fault)?);
+        Ok(Self {
+            size: Some(size),
+            figure,
+            measures,
+            wearer,
+        })
+    }
+
+    /// How much wider it is cut than the wearer is: chest, waist, hip [m].
+    pub fn wider(&self) -> [f64; 3] {
+        let (a, b) = (&self.measures, &self.wearer);
+        [a.chest - b.chest, a.waist - b.waist, a.hip - b.hip]
+    }
+
+    /// For the report.
+    pub fn report(&self) -> Report {
+        let mut r = Report::default();
+        if let Some(size) = self.size {
+            r.set("label", size.label());
+        }
+        let cm = |x: f64| (x * 1e3).round() / 10.0;
+        let m = &self.measures;
+        for (name, x) in [("chest", m.chest), ("waist", m.waist), ("hip", m.hip)] {
+            r.set(&format!("for_{name}_cm"), cm(x));
+        }
+        for (name, x) in ["chest", "waist", "hip"].iter().zip(self.wider()) {
+            r.set(&format!("wider_than_wearer_{name}_cm"), cm(x));
+        }
+        r
+    }
+
+    /// A garment as the wearer has it on, of what it is like on the wearer if made to measure and on whom it
+    /// is cut for: cloth of the latter's size, where that is slimmer around the wearer, else around the
+    /// latter, but for a band, which is drawn in.
+    pub fn taken_over(&self, piece: &Piece, (own, cut): (Worn, Worn)) -> Worn {
+        let looser = self.wider().iter().sum::<f64>() > 0.0;
+        let verts = match looser {
+            true => drawn_in(&piece.garment.pins, &own.verts, &cut.verts),
+            false => own.verts,
+        };
+        Worn {
+            verts,
+            rest: cut.rest,
+        }
+    }
+}
+
+/// Below a band, cloth reaches its own width over this height [m].
+const GATHERED: f64 = 0.12;
+
+/// `wide` cloth, `slim` at its pins and a little below.
+fn drawn_in(pins: &[u32], slim: &[DVec3], wide: &[DVec3]) -> Vec<DVec3> {
+    let Some(band) = (pins.iter().map(|i| slim[*i as usize].y)).reduce(f64::min) else {
+        return wide.to_vec();
+    };
+    let blend = |(s, w): (&DVec3, &DVec3)| {
+        let t = ((band - s.y) / GATHERED).clamp(0.0, 1.0);
+        s.lerp(*w, t * t * (3.0 - 2.0 * t))
+    };
+    slim.iter().zip(wide).map(blend).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_read_and_grow_and_others_refused() {
+        for gender in [0.0, 0.5, 1.0] {
+            let chests = Size::ALL.map(|s| s.chest(gender));
+            assert!(chests.windows(2).all(|w| w[1] > w[0] + 0.07), "{chests:?}");
+            for size in Size::ALL {
+                assert_eq!(Size::of(size.chest(gender) + 0.03, gender), size);
+                assert_eq!(Size::parse(&size.label().to_lowercase()), Ok(size));
+            }
+        }
+        assert_eq!((Size::M.chest(0.0), Size::M.chest(1.0)), (0.98, 0.94));
+        assert!(Size::parse("38").expect_err("no letter").contains("XXL"));
+    }
+
+    #[test]
+    fn somebody_of_a_size_has_its_chest_and_the_wearers_height() {
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        let shape = Shape::default().with("gender", 1.0).expect("a phenotype");
+        let shape = shape.with_height(&avatar, 1.7).expect("in reach");
+        for size in [Size::S, Size::Xl] {
+            let cut = CutFor::size(&avatar, &shape, size).expect("in reach");
+            assert!((cut.measures.chest - size.chest(1.0)).abs() < 2e-3);
+            assert!((cut.measures.height - 1.7).abs() < 1e-3);
+            assert_eq!(cut.wider()[0] > 0.0, size == Size::Xl, "{:?}", cut.wider());
+        }
+    }
+
+    #[test]
+    fn wide_cloth_is_drawn_in_at_its_band_only() {
+        let slim: Vec<DVec3> = (0..9)
+            .map(|k| DVec3::new(0.1, -0.05 * f64::from(k), 0.0))
+            .collect();
+        let wide: Vec<DVec3> = slim.iter().map(|p| *p + 0.2 * DVec3::X).collect();
+        let out = drawn_in(&[0], &slim, &wide);
+        assert_eq!((out[0], out[3]), (slim[0], wide[3]));
+        assert!(out.windows(2).all(|w| w[1].x >= w[0].x));
+        assert_eq!(drawn_in(&[], &slim, &wide), wide);
+    }
+}
