@@ -8,7 +8,7 @@
  * one thread at a time; two garments by two. Nothing here ends the program, and nothing is printed.
  *
  *   cargo build --release -p muslin-c
- *   cc program.c -Iinclude -Ltarget/release -lmuslin_c -lm
+ *   cc program.c -Icrates/muslin-c/include target/release/libmuslin_c.a -lm -lpthread -ldl
  */
 #ifndef MUSLIN_H
 #define MUSLIN_H
@@ -25,8 +25,8 @@ typedef struct muslin_garment muslin_garment;
 /* Who wears what. Zero it, then set what matters: what is zero is as the model was taught. */
 typedef struct muslin_wear {
     const char *garment; /* of the wardrobe ("tee", "trousers", "skirt", "dress"), where no model is given */
-    const char *fabric;  /* as `muslin list fabrics` names it */
-    const char *size;    /* "XS" to "XXL"; else made to measure */
+    const char *fabric;  /* as `muslin list fabrics` names it, or a file of yours */
+    const char *size;    /* "XS" to "XXL"; made to measure where the model was */
     double height;       /* [m] */
     double weight;       /* [kg] */
     double gender;       /* above 0 (male) to 1 (female) */
@@ -36,7 +36,7 @@ typedef struct muslin_wear {
 #define MUSLIN_NONE UINT32_MAX
 
 /* Opens the model in `n_bytes` bytes of a .muslin file, or, where `model` is NULL, that of the garment named in
- * `wear`. `wear` may be NULL with a model. Takes about a second. NULL if it cannot be done: then `error`, if
+ * `wear`. `wear` may be NULL with a model. Takes about two seconds. NULL if it cannot be done: then `error`, if
  * not NULL, holds why, cut to `error_room` bytes with its closing zero. */
 muslin_garment *muslin_open(const void *model, size_t n_bytes, const muslin_wear *wear,
                             char *error, size_t error_room);
@@ -58,15 +58,17 @@ const char *muslin_bone_name(const muslin_garment *garment, uint32_t bone);
 uint32_t muslin_bone_parent(const muslin_garment *garment, uint32_t bone);
 void muslin_bone_joint(const muslin_garment *garment, uint32_t bone, float joint[3]);
 
-/* Starts a sequence: frames are `seconds` apart from now on, and the body comes to the first without motion. */
+/* Starts a sequence: frames are `seconds` apart from now on (1e-4 to 10; else as before, a thirtieth at first), and the
+ * body comes to the first without motion. */
 void muslin_begin(muslin_garment *garment, float seconds);
 
-/* How much motion counts: 1 as in nature, 0 as if the body stood still in every pose. */
+/* How much motion counts: 1 as in nature, 0 as if the body stood still in every pose, 10 at most. Nothing for models of
+ * `muslin train pbns|snug`, which do not tell motion from the pose. */
 void muslin_motion_level(muslin_garment *garment, float level);
 
 /* The cloth in the next pose. `turns`: four numbers a bone, its turn from rest in its parent's frame. `root`: how far
  * the body is moved [m]. `vertices`: room for three numbers a vertex [m]. 0 if all is well; 1 where a number is not
- * finite or a turn is nothing, and then `vertices` is left as it was. */
+ * finite or a turn is nothing: then `vertices` is left as it was, and the sequence begins anew. */
 int muslin_frame(muslin_garment *garment, const float *turns, const float root[3], float *vertices);
 
 #ifdef __cplusplus

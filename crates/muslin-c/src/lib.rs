@@ -123,7 +123,7 @@ unsafe fn open(
         Some(wear) => unsafe { wear.options()? },
         None => DressOptions::default(),
     };
-    if wear.is_null() && bytes.is_some() {
+    if wear.is_null() {
         options.outfit.clear();
     }
     let playing = Playing::new(bytes, &options).map_err(|e| e.to_string())?;
@@ -250,7 +250,7 @@ pub unsafe extern "C" fn muslin_bone_joint(garment: *const Garment, bone: u32, j
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn muslin_begin(garment: *mut Garment, seconds: f32) {
     // SAFETY: as the caller says.
-    if let (Some(g), true) = (unsafe { garment.as_mut() }, seconds > 0.0) {
+    if let Some(g) = unsafe { garment.as_mut() } {
         g.playing.begin(f64::from(seconds));
     }
 }
@@ -262,7 +262,7 @@ pub unsafe extern "C" fn muslin_begin(garment: *mut Garment, seconds: f32) {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn muslin_motion_level(garment: *mut Garment, level: f32) {
     // SAFETY: as the caller says.
-    if let (Some(g), true) = (unsafe { garment.as_mut() }, level >= 0.0) {
+    if let Some(g) = unsafe { garment.as_mut() } {
         g.playing.set_motion_level(level);
     }
 }
@@ -282,13 +282,18 @@ pub unsafe extern "C" fn muslin_frame(
         return 1;
     }
     // SAFETY: none is NULL, and as the caller says.
-    let (g, turns, root, out) = unsafe {
+    let (g, turns, root) = unsafe {
         let g = &mut *garment;
-        let n = g.playing.n_verts();
         let turns = slice::from_raw_parts(turns.cast::<[f32; 4]>(), g.names.len());
-        let out = slice::from_raw_parts_mut(vertices.cast::<[f32; 3]>(), n);
-        (g, turns, *root.cast::<[f32; 3]>(), out)
+        (g, turns, *root.cast::<[f32; 3]>())
     };
-    let frame = AssertUnwindSafe(|| g.playing.frame(turns, root, out));
+    let frame = AssertUnwindSafe(|| {
+        let Some(at) = g.playing.frame(turns, root) else {
+            return false;
+        };
+        // SAFETY: there is room for three numbers a vertex; a copy, for nobody said that there are numbers yet.
+        unsafe { ptr::copy(at.as_ptr().cast::<f32>(), vertices, 3 * at.len()) };
+        true
+    });
     c_int::from(!catch_unwind(frame).unwrap_or(false))
 }

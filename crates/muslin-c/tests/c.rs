@@ -36,7 +36,7 @@ fn a_program_in_c_plays_the_same_frames() {
         .arg(room.join("include"))
         .arg(room.join("examples/wave.c"))
         .arg(library())
-        .args(["-lm", "-lpthread", "-ldl", "-o"])
+        .args(["-lm", "-lpthread", "-ldl", "-o"]) // as the header says
         .arg(&program)
         .output()
         .expect("it can be run");
@@ -64,12 +64,11 @@ fn a_program_in_c_plays_the_same_frames() {
     let mut playing = Playing::new(None, &options).expect("a garment of the wardrobe");
     let arm = playing.avatar().bone("upperarm01.L").expect("a bone");
     let mut turns = vec![[0.0, 0.0, 0.0, 1.0]; playing.avatar().rig().n_bones()];
-    let mut at = vec![[0.0; 3]; playing.n_verts()];
     playing.begin(f64::from(1.0f32 / 30.0));
     let mut heights = Vec::new();
     for (k, line) in told.lines().enumerate() {
         turns[arm][2] = 0.5 * k as f32 / 30.0;
-        assert!(playing.frame(&turns, [0.0; 3], &mut at));
+        let at = playing.frame(&turns, [0.0; 3]).expect("a turn a bone");
         let ys = at.iter().map(|p| p[1]);
         let low = ys.clone().fold(f32::MAX, f32::min);
         let high = ys.clone().fold(f32::MIN, f32::max);

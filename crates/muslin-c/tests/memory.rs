@@ -39,18 +39,57 @@ fn frames_take_no_memory_and_refuse_what_is_not_finite() {
     };
     let mut playing = Playing::new(None, &options).expect("a garment of the wardrobe");
     let mut turns = vec![[0.0, 0.0, 0.0, 1.0]; playing.avatar().rig().n_bones()];
-    let mut at = vec![[0.0; 3]; playing.n_verts()];
-    assert!(playing.frame(&turns, [0.0; 3], &mut at), "the first may");
+    assert!(playing.frame(&turns, [0.0; 3]).is_some(), "the first may");
     let before = TAKEN.with(Cell::get);
     assert!(before > 1000, "it counts");
+    let (sin, cos) = 0.1f32.sin_cos();
     for k in 0..10 {
-        assert!(playing.frame(&turns, [0.1 * k as f32, 0.0, 0.0], &mut at));
+        turns[20] = [0.0, sin, 0.0, cos];
+        let root = [0.1 * k as f32, 0.0, 0.0];
+        assert!(playing.frame(&turns, root).is_some());
     }
     assert_eq!(TAKEN.with(Cell::get), before);
 
-    let was = at.clone();
-    assert!(!playing.frame(&turns, [f32::NAN, 0.0, 0.0], &mut at));
-    turns[7] = [0.0; 4];
-    assert!(!playing.frame(&turns, [0.0; 3], &mut at));
-    assert_eq!(at, was);
+    assert!(playing.frame(&turns, [f32::NAN, 0.0, 0.0]).is_none());
+    // What is finite and still too much gives nothing rather than cloth that is nowhere.
+    playing.begin(f64::INFINITY);
+    playing.set_motion_level(f32::INFINITY);
+    let leaps = (0..6).map(|k| [3e38 * (k % 2) as f32, 0.0, 0.0]);
+    for root in leaps {
+        if let Some(at) = playing.frame(&turns, root) {
+            assert!(at.as_flattened().iter().all(|x| x.is_finite()));
+        }
+    }
+    let mut none = turns.clone();
+    none[7] = [0.0; 4];
+    assert!(playing.frame(&none, [0.0; 3]).is_none());
+    let calm = playing.frame(&turns, [0.0; 3]).expect("it begins anew");
+    assert!(calm.iter().all(|p| p[1].abs() < 2.0));
+}
+
+#[test]
+fn models_of_other_cloth_or_of_files_are_refused() {
+    let folder = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../assets/wardrobe/tee.muslin"
+    );
+    let bytes = std::fs::read(folder).expect("the wardrobe");
+    let open = |bytes: &[u8]| match Playing::new(Some(bytes), &DressOptions::default()) {
+        Ok(_) => String::new(),
+        Err(e) => e.to_string(),
+    };
+    assert_eq!(open(&bytes), "");
+    let changed = |from: &str, to: &str| {
+        let at = bytes.windows(from.len()).position(|w| w == from.as_bytes());
+        let mut other = bytes.clone();
+        let at = at.expect("a note");
+        other[at..at + to.len()].copy_from_slice(to.as_bytes());
+        open(&other)
+    };
+    let file = changed("\"garment\":\"tee\"", "\"garment\":\"a/b\"");
+    assert!(file.contains("from a file"), "{file}");
+    let skirt = changed("\"edge\":\"0.012\"", "\"edge\":\"0.014\"");
+    assert!(skirt.contains("other triangles"), "{skirt}");
+    let none = changed("\"edge\":\"0.012\"", "\"edge\":\"0.000\"");
+    assert!(none.contains("out of range"), "{none}");
 }

@@ -109,7 +109,8 @@ impl Net {
             self.lead_back(form, &mut other, &mut near, again);
             self.land(form, &mut other, tracks, &mut near);
             let left = self.crossing(&other);
-            if left.len() < crossing.len() {
+            let even = self.squeezed(&other) <= self.squeezed(x).max(self.faces.len() / 500);
+            if left.len() < crossing.len() && even {
                 x.copy_from_slice(&other);
                 crossing = left;
             }
@@ -183,18 +184,17 @@ impl Net {
 
     /// Draws the mesh tight within so many metres of these triangles.
     fn spread(&self, x: &mut [DVec3], crossing: &[[u32; 2]], reach: f64) {
-        let corners = || {
-            let faces = crossing.as_flattened().iter();
-            faces.flat_map(|f| self.faces[*f as usize])
-        };
         let mut loose = vec![false; x.len()];
-        corners().for_each(|i| loose[i as usize] = true);
-        let edges =
-            || corners().flat_map(|i| self.neighbours[i as usize].iter().map(move |j| [i, *j]));
-        let length: f64 = edges()
-            .map(|[i, j]| x[i as usize].distance(x[j as usize]))
-            .sum();
-        let edge = length / edges().count().max(1) as f64;
+        for i in (crossing.as_flattened().iter()).flat_map(|f| self.faces[*f as usize]) {
+            loose[i as usize] = true;
+        }
+        let sides = || {
+            self.faces
+                .iter()
+                .flat_map(|f| [[f[0], f[1]], [f[1], f[2]], [f[2], f[0]]])
+        };
+        let length = |[i, j]: [u32; 2]| x[i as usize].distance(x[j as usize]);
+        let edge = sides().map(length).sum::<f64>() / sides().count().max(1) as f64;
         for _ in 0..(reach / edge.max(1e-4)).ceil() as usize {
             let inner = loose.clone();
             for (i, _) in inner.iter().enumerate().filter(|(_, l)| **l) {

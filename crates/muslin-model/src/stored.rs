@@ -16,6 +16,9 @@ const FORMATS: [&str; 4] = [
     "muslin-garment 4",
 ];
 
+/// A byte names no more bones.
+const MOST_BONES: usize = 256;
+
 impl Model {
     /// As arrays; learnt shapes and the network as 16-bit floats, everything else as it is.
     pub fn to_weights(&self) -> Weights {
@@ -228,7 +231,11 @@ impl Model {
             "scale",
             self.scale.len() == self.encoder.n_inputs(drivers) + traits,
         )?;
-        let ordered = |t: &Trait| t.range[0] <= t.value && t.value <= t.range[1];
+        fits("bones", self.bones.len() <= MOST_BONES)?;
+        let ordered = |t: &Trait| {
+            let sound = t.range.iter().all(|x| x.is_finite());
+            sound && t.range[0] <= t.value && t.value <= t.range[1]
+        };
         fits("traits", self.traits.iter().all(ordered))?;
         fits(
             "encoder.params",

@@ -23,6 +23,9 @@ pub struct Sway {
     pub means: Vec<f32>,
 }
 
+/// Swings at most: playing them inverts a matrix of this size.
+const MOST: usize = 256;
+
 impl Sway {
     /// How many swings there are.
     pub fn len(&self) -> usize {
@@ -44,7 +47,8 @@ impl Sway {
             &self.masses,
             &self.means,
         ];
-        self.shapes.len() == 3 * n * k
+        k <= MOST
+            && self.shapes.len() == 3 * n * k
             && self.means.len() == 3 * m * k
             && self.damping.len() == k
             && self.masses.len() == m

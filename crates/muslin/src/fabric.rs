@@ -9,7 +9,7 @@ use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 
 /// Whether an asked fabric is a file rather than the name of a preset.
-fn is_file(asked: &str) -> bool {
+pub(crate) fn is_file(asked: &str) -> bool {
     let kind = Path::new(asked).extension().and_then(|e| e.to_str());
     let kind = kind.map(str::to_lowercase);
     let known = kind.is_some_and(|k| ["toml", "json", "u3m"].contains(&k.as_str()));

@@ -7,14 +7,14 @@ use muslin_model::{Model, Player};
 use crate::animate::{as_trained, decode_model, model_failure};
 use crate::drape::{cloth, put_on};
 use crate::dress::asked_shape;
+use crate::fabric;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
 use crate::hero::standing;
 use crate::options::{DressOptions, Wear};
-use crate::outfit::Outfit;
+use crate::outfit::{Outfit, WARDROBE};
 use crate::simulate::SimulateOptions;
 use crate::swings;
-use crate::train::topology;
 use crate::traits;
 use crate::wardrobe;
 
@@ -28,7 +28,14 @@ pub struct Playing {
     player: Player,
     pose: Pose,
     bones: Vec<DAffine3>,
+    /// Where the cloth was predicted last [m].
+    at: Vec<[f32; 3]>,
+    step: f64,
 }
+
+/// Seconds from frame to frame: until they are said, and within what they may be.
+const STEP: f64 = 1.0 / 30.0;
+const STEPS: std::ops::RangeInclusive<f64> = 1e-4..=10.0;
 
 impl Playing {
     /// The model in these bytes of a `.muslin` file, or without bytes that of the first garment of the options in
@@ -43,6 +50,12 @@ impl Playing {
             return Err(Failure::new(Exit::Usage, "no-character", what)
                 .hint("take a model of our own body, or `muslin animate --body`"));
         }
+        let note = |name: &str| model.notes.get(name).map_or("", String::as_str);
+        if !WARDROBE.iter().any(|e| e.name == note("garment")) || fabric::is_file(note("fabric")) {
+            let what = "a model of a garment or a fabric from a file";
+            return Err(Failure::new(Exit::Invalid, "not-of-the-wardrobe", what)
+                .hint("play it with `muslin animate`, which reads the file as well"));
+        }
         let asked = SimulateOptions {
             dress: DressOptions {
                 outfit: worn(options),
@@ -51,6 +64,7 @@ impl Playing {
             ..SimulateOptions::default()
         };
         let dress = as_trained(&model, &asked)?.dress;
+        dress.check()?;
         let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
         let figure = standing(&avatar, None, &dress)?.figure;
         let outfit = Outfit::make(&avatar, &dress, |_| {})?;
@@ -60,6 +74,8 @@ impl Playing {
         Ok(Self {
             pose: Pose::rest(&avatar),
             bones: Vec::with_capacity(avatar.rig().n_bones()),
+            at: vec![[0.0; 3]; player.n_verts()],
+            step: STEP,
             faces: model.faces,
             player,
             avatar,
@@ -87,30 +103,38 @@ impl Playing {
         &self.figure
     }
 
-    /// Starts a sequence of frames `step` seconds apart: the body comes to the first without motion.
+    /// Starts a sequence of frames `step` seconds apart, a ten-thousandth to ten, else as before: the body comes to
+    /// the first without motion.
     pub fn begin(&mut self, step: f64) {
-        self.player.begin(step);
+        if STEPS.contains(&step) {
+            self.step = step;
+        }
+        self.player.begin(self.step);
     }
 
-    /// How much motion counts, 1 as in nature and 0 as if the body stood still.
+    /// How much motion counts, 0 (as if the body stood still) to 10, 1 as in nature; others, and models that do
+    /// not tell motion from the pose, stay as they are.
     pub fn set_motion_level(&mut self, level: f32) {
-        self.player.set_motion_level(level);
+        if (0.0..=10.0).contains(&level) {
+            self.player.set_motion_level(level);
+        }
     }
 
     /// The cloth [m] in the next pose: a turn of every bone in its parent's frame (x, y, z, w), and how far the
-    /// body is moved [m]. Says whether all of these and of what comes out is finite; without that `out` is
-    /// left as it is.
+    /// body is moved [m]. None where one of these or of what comes out is not finite, or a turn is nothing; the
+    /// sequence then begins anew.
     ///
     /// # Panics
-    /// Where `turns` has not one entry per bone or `out` not one per vertex.
-    pub fn frame(&mut self, turns: &[[f32; 4]], root: [f32; 3], out: &mut [[f32; 3]]) -> bool {
+    /// Where `turns` has not one entry per bone.
+    pub fn frame(&mut self, turns: &[[f32; 4]], root: [f32; 3]) -> Option<&[[f32; 3]]> {
         assert_eq!(turns.len(), self.pose.rotations.len(), "a turn per bone");
         let sound = |q: &[f32; 4]| {
             let sum: f32 = q.iter().map(|x| x * x).sum();
             sum.is_finite() && sum > 1e-12
         };
         if !turns.iter().all(sound) || !root.iter().all(|x| x.is_finite()) {
-            return false;
+            self.player.begin(self.step);
+            return None;
         }
         for (to, q) in self.pose.rotations.iter_mut().zip(turns) {
             *to = DQuat::from_array(q.map(f64::from)).normalize();
@@ -118,8 +142,12 @@ impl Playing {
         self.pose.root = DVec3::from_array(root.map(f64::from));
         self.avatar
             .bones_into(&self.figure, &self.pose, &mut self.bones);
-        self.player.frame(&self.pose, &self.bones, out);
-        true
+        self.player.frame(&self.pose, &self.bones, &mut self.at);
+        if !self.at.as_flattened().iter().all(|x| x.is_finite()) {
+            self.player.begin(self.step);
+            return None;
+        }
+        Some(&self.at)
     }
 }
 
@@ -140,7 +168,7 @@ fn told(
     let (_, stood) = avatar.dressing(figure);
     let worn = put_on(avatar, outfit, &stood)?;
     let cloth = cloth(outfit, &worn);
-    if model.notes.get("topology") != Some(&topology(&cloth.faces)) {
+    if model.faces != cloth.faces || model.n_verts() != worn[0].verts.len() {
         let what = "the garment that this version cuts has other triangles than the model";
         return Err(Failure::new(Exit::Invalid, "other-garment", what)
             .hint("train it again with this version"));

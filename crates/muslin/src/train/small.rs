@@ -7,6 +7,7 @@ use muslin_net::Weights;
 use super::lessons::Pupil;
 use crate::animate::model_failure;
 use crate::failure::Failure;
+use crate::swings;
 
 /// How far a vertex may be moved by packing shapes [m]; with more they stay 16-bit floats.
 const MOST: f64 = 5e-4;
@@ -26,22 +27,27 @@ pub(super) fn shown(motions: &[Motion]) -> Vec<Pose> {
     some(&all, POSES).map(|p| (*p).clone()).collect()
 }
 
-/// The arrays of a model, packed if that moves no vertex far, and how far at most [m]: on those who were learnt
-/// from, in these poses.
+/// The arrays of a model, packed if that moves no vertex far from where 16-bit floats have it, and how far at most
+/// [m]: on those who were learnt from, in these poses.
 pub(super) fn stored(
     (model, avatar): (&Model, &Avatar),
     (pupils, poses): (&[Pupil], &[Pose]),
 ) -> Result<(Weights, Option<f64>), Failure> {
+    let whole = model.to_weights();
+    if !swings::are_ours(model) {
+        return Ok((whole, None));
+    }
     let small = model.to_packed();
-    let read = Model::from_weights(&small).map_err(|e| model_failure(&e))?;
+    let read = |w: &Weights| Model::from_weights(w).map_err(|e| model_failure(&e));
+    let (read, usual) = (read(&small)?, read(&whole)?);
     let mut worst = 0.0f64;
     for pupil in some(pupils, WEARERS) {
-        let apart = apart((model, &read), (avatar, pupil), poses);
+        let apart = apart((&usual, &read), (avatar, pupil), poses);
         worst = worst.max(apart.map_err(|e| model_failure(&e))?);
     }
     match worst <= MOST {
         true => Ok((small, Some(worst))),
-        false => Ok((model.to_weights(), None)),
+        false => Ok((whole, None)),
     }
 }
 
