@@ -82,9 +82,7 @@ impl Avatar {
 impl Avatar {
     /// `world_from_rest` of every bone alone, as in [`Posed::bones`].
     pub fn bones(&self, figure: &Figure, pose: &Pose) -> Vec<DAffine3> {
-        let mut out = Vec::new();
-        self.bones_into(figure, pose, &mut out);
-        out
+        world_from_rest(self.rig(), figure, pose)
     }
 
     /// As [`Avatar::bones`], in memory that is there.

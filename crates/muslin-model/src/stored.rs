@@ -4,7 +4,7 @@ use half::f16;
 use muslin_net::learn::{Mlp, Nonlinear};
 use muslin_net::{Array, Numbers, Weights};
 
-use crate::packed::{Packed, bytes_of, unpacked};
+use crate::packed::{Packed, bytes_of, stepped, unpacked, unstepped};
 use crate::{Encoder, Model, ModelError, Ncs, Skin, Snug, Sway, Trait};
 
 /// What the notes say of the kind of file: with a network of our own, with one that a note names, with a
@@ -405,26 +405,6 @@ impl<'a> From<'a> {
             _ => Err(ModelError::wrong(name, "holds no bytes")),
         }
     }
-}
-
-/// Rows of `k` entries in 8-bit steps around 128, and what a step of each is worth: swings are smooth,
-/// and one of 6 cm is off by a quarter of a millimetre at most.
-fn stepped(rows: &[f32], k: usize) -> (Vec<f32>, Vec<u8>) {
-    let most = |c: usize| {
-        let column = rows.iter().skip(c).step_by(k.max(1));
-        column.fold(f32::MIN_POSITIVE, |a, x| a.max(x.abs()))
-    };
-    let steps: Vec<f32> = (0..k).map(|c| most(c) / 127.0).collect();
-    let byte = |(i, x): (usize, &f32)| ((x / steps[i % k]).round() + 128.0) as u8;
-    let bytes = rows.iter().enumerate().map(byte).collect();
-    (steps, bytes)
-}
-
-/// The way back from [`stepped`].
-fn unstepped(bytes: &[u8], steps: &[f32]) -> Vec<f32> {
-    let k = steps.len().max(1);
-    let entry = |(i, b): (usize, &u8)| (f32::from(*b) - 128.0) * steps.get(i % k).unwrap_or(&0.0);
-    bytes.iter().enumerate().map(entry).collect()
 }
 
 fn triples<T: Copy>(flat: &[T]) -> Vec<[T; 3]> {

@@ -5,13 +5,13 @@ mod options;
 
 use std::path::Path;
 
-use glam::DVec3;
 use muslin_body::Avatar;
 use muslin_geom::{Report, Value};
 use muslin_io::{read_file, read_weights};
 use muslin_model::{Model, ModelError};
+use muslin_sim::Cloth;
 
-use crate::dress::{asked_shape, file_failure};
+use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::hero::{Hero, Standing, avatar_of, body_note, standing};
 use crate::options::{DressOptions, Wear};
@@ -164,8 +164,27 @@ pub(crate) fn as_trained(
     })
 }
 
-fn note_of<'m>(model: &'m Model, name: &str) -> &'m str {
+pub(crate) fn note_of<'m>(model: &'m Model, name: &str) -> &'m str {
     model.notes.get(name).map_or("", String::as_str)
+}
+
+/// Whether body, shape, fabric and size are others than those that a model's file is of.
+pub(crate) fn others(
+    model: &Model,
+    dress: &DressOptions,
+    body: &str,
+) -> Result<[bool; 4], Failure> {
+    let asked = [dress.height, dress.weight, dress.gender];
+    let mut shape = false;
+    for (name, asked) in ["height", "weight", "gender"].into_iter().zip(asked) {
+        shape |= number(model, name)? != asked;
+    }
+    Ok([
+        model.notes.contains_key("body") && note_of(model, "body") != body,
+        shape,
+        Some(note_of(model, "fabric")) != dress.outfit[0].fabric.as_deref(),
+        note_of(model, "size") != dress.size.map_or("", Size::label),
+    ])
 }
 
 /// A number that the model was trained with, if it was.
@@ -235,15 +254,14 @@ impl<'a> Theatre<'a, '_> {
         let mut warnings = Vec::new();
         let tailor = self.hero.map_or(avatar, |h| &h.base);
         let outfit = Outfit::make(tailor, &simulate.dress, |w| warnings.push(w.to_owned()))?;
-        let shape = asked_shape(avatar, &simulate.dress)?;
-        let outfit = outfit.sized((avatar, &shape), &simulate.dress)?;
+        let outfit = outfit.sized_as_asked(avatar, &simulate.dress)?;
         self.warn(warnings);
         self.report.set("outfit", tell::outfit(&outfit));
         tell::size(&mut self.report, &outfit);
         let told = tell::pieces(&outfit);
         let mut set = Set::new(avatar, figure, moving, outfit)?;
         set.hero = self.hero;
-        fits(model, &set)?;
+        fits(model, &set.cloth)?;
         self.done(3, "garment", told)?;
         Ok(set)
     }
@@ -260,15 +278,8 @@ impl<'a> Theatre<'a, '_> {
         let of_fabric = traits::of_fabric(fabric);
         let of_wearer = traits::of_wearer(&set.avatar.measure(&set.figure));
         let of_cut = traits::of_cut(set.outfit.cut_for.as_ref());
-        let other_size = note_of(model, "size") != dress.size.map_or("", Size::label);
-        let asked = [dress.height, dress.weight, dress.gender];
-        let mut other_shape = false;
-        for (name, asked) in ["height", "weight", "gender"].into_iter().zip(asked) {
-            other_shape |= number(model, name)? != asked;
-        }
-        let note = |name: &str| model.notes.get(name).map_or("", String::as_str);
-        let other_body = model.notes.contains_key("body") && note("body") != body_note(self.hero);
-        let other_fabric = Some(note("fabric")) != dress.outfit[0].fabric.as_deref();
+        let [other_body, other_shape, other_fabric, other_size] =
+            others(model, dress, &body_note(self.hero))?;
         let strange = [
             (
                 "body",
@@ -297,13 +308,7 @@ impl<'a> Theatre<'a, '_> {
             return Ok(model);
         }
         self.watch.progress("how it swings");
-        let body = (set.avatar, &set.figure);
-        let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-        let template: Vec<DVec3> = model.template.iter().map(wide).collect();
-        Ok(Model {
-            sway: swings::swings(body, (&set.cloth, &template))?,
-            ..model
-        })
+        swings::swinging(model, (set.avatar, &set.figure), &set.cloth)
     }
 
     fn perform(
@@ -378,15 +383,16 @@ impl<'a> Theatre<'a, '_> {
 }
 
 /// Whether the garment that was made is the one that was taught.
-pub(crate) fn fits(model: &Model, set: &Set) -> Result<(), Failure> {
-    let same = model.notes.get("topology") == Some(&topology(&set.cloth.faces));
-    if same && model.n_verts() == set.start.len() {
+pub(crate) fn fits(model: &Model, cloth: &Cloth) -> Result<(), Failure> {
+    let same = note_of(model, "topology") == topology(&cloth.faces) && model.faces == cloth.faces;
+    let n = cloth.layers.len();
+    if same && model.n_verts() == n {
         return Ok(());
     }
     let what = format!(
         "the model's cloth has {} vertices and other triangles than the garment that this version cuts ({})",
         model.n_verts(),
-        set.start.len()
+        n
     );
     Err(Failure::new(Exit::Invalid, "other-garment", what).hint("train it again with this version"))
 }

@@ -8,6 +8,7 @@ use muslin_geom::Part;
 use rayon::prelude::*;
 
 use crate::brought;
+use crate::dress::asked_shape;
 use crate::fabric;
 use crate::failure::{Exit, Failure};
 use crate::options::{DressOptions, Wear};
@@ -153,6 +154,18 @@ impl Outfit {
             pieces,
             cut_for: None,
         })
+    }
+
+    /// The same in the size that the options ask for, if they do, for the wearer that they ask for.
+    pub(crate) fn sized_as_asked(
+        self,
+        avatar: &Avatar,
+        options: &DressOptions,
+    ) -> Result<Self, Failure> {
+        match options.size {
+            None => Ok(self),
+            Some(_) => self.sized((avatar, &asked_shape(avatar, options)?), options),
+        }
     }
 
     /// The same in the size that the options ask for, if they do, for a wearer of this shape.

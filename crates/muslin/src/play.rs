@@ -2,20 +2,18 @@
 
 use glam::{DAffine3, DQuat, DVec3};
 use muslin_body::{Avatar, Figure, Pose};
-use muslin_model::{Model, Player};
+use muslin_model::Player;
 
-use crate::animate::{as_trained, decode_model, model_failure};
+use crate::animate::{as_trained, decode_model, fits, model_failure, note_of, others};
 use crate::drape::{cloth, put_on};
-use crate::dress::asked_shape;
 use crate::fabric;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
 use crate::hero::standing;
-use crate::options::{DressOptions, Wear};
+use crate::options::DressOptions;
 use crate::outfit::{Outfit, WARDROBE};
 use crate::simulate::SimulateOptions;
 use crate::swings;
-use crate::traits;
 use crate::wardrobe;
 
 /// A garment on our own body, as its model predicts it: a frame takes no memory, reads no file and is not
@@ -33,6 +31,9 @@ pub struct Playing {
     step: f64,
 }
 
+/// Whom models of our own body were taught on, in their notes.
+const OURS: &str = "anny";
+
 /// Seconds from frame to frame: until they are said, and within what they may be.
 const STEP: f64 = 1.0 / 30.0;
 const STEPS: std::ops::RangeInclusive<f64> = 1e-4..=10.0;
@@ -45,22 +46,19 @@ impl Playing {
             Some(bytes) => decode_model("the model", bytes)?,
             None => wardrobe::model(options.outfit.first().map_or("", |w| &w.garment))?,
         };
-        if model.notes.get("body").is_some_and(|b| b != "anny") || options.body.is_some() {
+        let note = |name: &str| note_of(&model, name);
+        if !["", OURS].contains(&note("body")) || options.body.is_some() {
             let what = "models of characters are not played here";
             return Err(Failure::new(Exit::Usage, "no-character", what)
                 .hint("take a model of our own body, or `muslin animate --body`"));
         }
-        let note = |name: &str| model.notes.get(name).map_or("", String::as_str);
         if !WARDROBE.iter().any(|e| e.name == note("garment")) || fabric::is_file(note("fabric")) {
             let what = "a model of a garment or a fabric from a file";
             return Err(Failure::new(Exit::Invalid, "not-of-the-wardrobe", what)
                 .hint("play it with `muslin animate`, which reads the file as well"));
         }
         let asked = SimulateOptions {
-            dress: DressOptions {
-                outfit: worn(options),
-                ..options.clone()
-            },
+            dress: options.clone(),
             ..SimulateOptions::default()
         };
         let dress = as_trained(&model, &asked)?.dress;
@@ -68,8 +66,17 @@ impl Playing {
         let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
         let figure = standing(&avatar, None, &dress)?.figure;
         let outfit = Outfit::make(&avatar, &dress, |_| {})?;
-        let outfit = outfit.sized((&avatar, &asked_shape(&avatar, &dress)?), &dress)?;
-        let model = told(model, (&avatar, &figure), &outfit)?;
+        let outfit = outfit.sized_as_asked(&avatar, &dress)?;
+        let (_, stood) = avatar.dressing(&figure);
+        let worn = put_on(&avatar, &outfit, &stood)?;
+        let cloth = cloth(&outfit, &worn);
+        fits(&model, &cloth)?;
+        let stranger = others(&model, &dress, OURS)?.contains(&true);
+        let body = (&avatar, &figure);
+        let mut model = wardrobe::around(model, body, (&outfit, &worn[0].verts))?;
+        if swings::are_ours(&model) && (stranger || model.sway.is_none()) {
+            model = swings::swinging(model, body, &cloth)?;
+        }
         let player = Player::new(&model, &avatar).map_err(|e| model_failure(&e))?;
         Ok(Self {
             pose: Pose::rest(&avatar),
@@ -149,38 +156,4 @@ impl Playing {
         }
         Some(&self.at)
     }
-}
-
-/// What the options have on; a stand-in where the model alone says what it is.
-fn worn(options: &DressOptions) -> Vec<Wear> {
-    match options.outfit.is_empty() {
-        true => vec![Wear::parse("tee")],
-        false => options.outfit.clone(),
-    }
-}
-
-/// A model around this body, told of it, of its cloth and of how that swings.
-fn told(
-    model: Model,
-    (avatar, figure): (&Avatar, &Figure),
-    outfit: &Outfit,
-) -> Result<Model, Failure> {
-    let (_, stood) = avatar.dressing(figure);
-    let worn = put_on(avatar, outfit, &stood)?;
-    let cloth = cloth(outfit, &worn);
-    if model.faces != cloth.faces || model.n_verts() != worn[0].verts.len() {
-        let what = "the garment that this version cuts has other triangles than the model";
-        return Err(Failure::new(Exit::Invalid, "other-garment", what)
-            .hint("train it again with this version"));
-    }
-    let weights = wardrobe::weights(&model, avatar)?;
-    let template = avatar.at_rest(figure, (&weights, &worn[0].verts));
-    let fabric = &outfit.pieces[0].fabric;
-    let of = (fabric, &avatar.measure(figure), outfit.cut_for.as_ref());
-    let model = traits::told(wardrobe::fitted(model, &template), of);
-    if !swings::are_ours(&model) {
-        return Ok(model);
-    }
-    let sway = swings::swings((avatar, figure), (&cloth, &template))?;
-    Ok(Model { sway, ..model })
 }

@@ -18,7 +18,7 @@ use muslin_body::{Avatar, Figure};
 use muslin_geom::{Report, Value};
 use muslin_io::Journal;
 
-use crate::dress::{asked_shape, file_failure};
+use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::hero::{Hero, avatar_of, standing};
 use crate::outcome::Outcome;
@@ -127,8 +127,7 @@ impl Run<'_, '_> {
         let mut warnings = Vec::new();
         let tailor = hero.map_or(avatar, |h| &h.base);
         let outfit = Outfit::make(tailor, &self.options.dress, |w| warnings.push(w.to_owned()))?;
-        let shape = asked_shape(avatar, &self.options.dress)?;
-        let outfit = outfit.sized((avatar, &shape), &self.options.dress)?;
+        let outfit = outfit.sized_as_asked(avatar, &self.options.dress)?;
         self.warn(warnings);
         self.report.set("outfit", tell::outfit(&outfit));
         tell::size(&mut self.report, &outfit);

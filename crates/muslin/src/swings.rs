@@ -17,6 +17,20 @@ pub(crate) fn are_ours(model: &Model) -> bool {
     matches!(model.encoder, Encoder::Plain(_))
 }
 
+/// A model of ours with the swings of a cloth on the figure that its template lies around.
+pub(crate) fn swinging(
+    model: Model,
+    body: (&Avatar, &Figure),
+    cloth: &Cloth,
+) -> Result<Model, Failure> {
+    let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+    let template: Vec<DVec3> = model.template.iter().map(wide).collect();
+    Ok(Model {
+        sway: swings(body, (cloth, &template))?,
+        ..model
+    })
+}
+
 /// The swings of a cloth that starts at some place [m] around a figure at rest; none where it is too
 /// small to swing.
 pub(crate) fn swings(

@@ -127,7 +127,7 @@ impl School<'_, '_> {
         let tailor = self.hero.map_or(avatar, |h| &h.base);
         let dress = &self.options.dress;
         let outfit = Outfit::make(tailor, dress, |w| warnings.push(w.to_owned()))?;
-        let outfit = outfit.sized((avatar, &asked_shape(avatar, dress)?), dress)?;
+        let outfit = outfit.sized_as_asked(avatar, dress)?;
         warnings.iter().for_each(|w| self.watch.warn(w));
         let mut class = Class::new((avatar, figure), &outfit, self.options)?;
         if let Some(path) = &self.options.from {

@@ -115,7 +115,7 @@ fn taught(piece: &Piece) -> Option<Model> {
 }
 
 /// How the cloth of a model follows the bones of an avatar.
-pub(crate) fn weights(model: &Model, avatar: &Avatar) -> Result<Sparse, Failure> {
+fn weights(model: &Model, avatar: &Avatar) -> Result<Sparse, Failure> {
     let bones = model.bones.iter().map(|name| avatar.bone(name));
     let bones: Vec<usize> = bones
         .collect::<Result<_, _>>()
@@ -129,9 +129,26 @@ pub(crate) fn weights(model: &Model, avatar: &Avatar) -> Result<Sparse, Failure>
 }
 
 /// The model for a garment that lies at `rest` [m] around the body at rest.
-pub(crate) fn fitted(model: Model, rest: &[DVec3]) -> Model {
+fn fitted(model: Model, rest: &[DVec3]) -> Model {
     let template = rest.iter().map(|p| p.as_vec3().to_array()).collect();
     Model { template, ..model }
+}
+
+/// The model of an outfit's first garment, which lies at `start` [m] around a figure as it is dressed, told of
+/// that figure and of the fabric.
+pub(crate) fn around(
+    model: Model,
+    (avatar, figure): (&Avatar, &Figure),
+    (outfit, start): (&Outfit, &[DVec3]),
+) -> Result<Model, Failure> {
+    let weights = weights(&model, avatar)?;
+    let template = avatar.at_rest(figure, (&weights, start));
+    let of = (
+        &outfit.pieces[0].fabric,
+        &avatar.measure(figure),
+        outfit.cut_for.as_ref(),
+    );
+    Ok(traits::told(fitted(model, &template), of))
 }
 
 #[cfg(test)]

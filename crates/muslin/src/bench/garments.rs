@@ -307,7 +307,7 @@ pub(super) fn set<'a>(
     let outfit = Outfit::make(avatar, &options.dress, |_| {})?;
     let outfit = outfit.sized((avatar, &shape), &options.dress)?;
     let set = Set::new(avatar, figure, moving, outfit)?;
-    fits(model, &set)?;
+    fits(model, &set.cloth)?;
     Ok(set)
 }
 

@@ -12,7 +12,7 @@ use crate::failure::Failure;
 use crate::figure::body_frame;
 use crate::hero::Hero;
 use crate::outfit::Outfit;
-use crate::{traits, wardrobe};
+use crate::wardrobe;
 
 use super::motion::Moving;
 use super::reel::Reel;
@@ -66,14 +66,11 @@ impl<'a> Set<'a> {
 
     /// A model of its first garment, laid around this body and told of it and of the fabric.
     pub fn told(&self, model: Model) -> Result<Model, Failure> {
-        let weights = wardrobe::weights(&model, self.avatar)?;
-        let template = self.avatar.at_rest(&self.figure, (&weights, &self.start));
-        let worn = (
-            &self.outfit.pieces[0].fabric,
-            &self.avatar.measure(&self.figure),
-            self.outfit.cut_for.as_ref(),
-        );
-        Ok(traits::told(wardrobe::fitted(model, &template), worn))
+        wardrobe::around(
+            model,
+            (self.avatar, &self.figure),
+            (&self.outfit, &self.start),
+        )
     }
 
     /// The skin in a pose of the motion, the lead-in counted [m].
