@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use muslin::bench::Trials;
 use muslin::{
     AnimateOptions, Backdrop, Bake, Cut, DressOptions, Person, SimulateOptions, Size, System,
     TrainOptions, Wear,
@@ -450,7 +451,8 @@ pub struct Bench {
     /// The body in the garments figures, where it is another.
     #[command(flatten)]
     pub build: Build,
-    /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this; may be given again.
+    /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this, or parts of the garments figures
+    /// ("tee, 02_01_walk, swing"; rest, swing, fabrics and speed); may be given again.
     #[arg(long)]
     pub only: Vec<String>,
     /// Folder for pictures of the drapes that went wrong, or of those named with --only.
@@ -555,13 +557,18 @@ impl Simulate {
 }
 
 impl Bench {
-    /// The body and the fabric in the garments figures.
-    pub fn worn(&self) -> DressOptions {
+    /// What is measured in the garments figures.
+    pub fn trials(&self) -> Trials {
         let mut worn = Wear::parse("");
         worn.fabric.clone_from(&self.fabric);
-        DressOptions {
-            outfit: vec![worn],
-            ..self.build.of(DressOptions::default())
+        Trials {
+            models: self.model.clone(),
+            cases: self.cases.unwrap_or(9),
+            worn: DressOptions {
+                outfit: vec![worn],
+                ..self.build.of(DressOptions::default())
+            },
+            only: self.only.clone(),
         }
     }
 }

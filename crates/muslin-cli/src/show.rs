@@ -69,8 +69,17 @@ fn watched(
     telling: &Telling,
     job: impl FnOnce(&mut Watch) -> Result<Outcome, Failure>,
 ) -> Result<(), Failure> {
+    let outcome = shown(telling.quiet, job)?;
+    print(if telling.json {
+        &outcome.json
+    } else {
+        &outcome.table
+    })
+}
+
+/// Does a job and tells how it goes.
+fn shown<T>(quiet: bool, job: impl FnOnce(&mut Watch) -> Result<T, Failure>) -> Result<T, Failure> {
     let flag = stop_flag()?;
-    let quiet = telling.quiet;
     let line = Mutex::new(LiveLine::new());
     let line = || line.lock().expect("nobody panics while telling");
     let tell = |s: &muslin::Stage| {
@@ -89,12 +98,7 @@ fn watched(
     let result = job(&mut watch);
     drop(watch);
     line().clear();
-    let outcome = result?;
-    print(if telling.json {
-        &outcome.json
-    } else {
-        &outcome.table
-    })
+    result
 }
 
 /// The last line of a terminal, which changes in place; elsewhere a line every five seconds.
@@ -168,14 +172,8 @@ fn bench(bench: &Bench) -> Result<(), Failure> {
         BenchKind::Drape => muslin::bench::drape(data, &drapes(bench)),
         BenchKind::Dress => muslin::bench::dress(data),
         BenchKind::Garments => {
-            let cases = bench.cases.unwrap_or(9);
-            let mut line = LiveLine::new();
-            let mut watch = Watch::new(|_| {}, |_| {}).following(|text| line.update(text));
-            let told =
-                muslin::bench::garments(data, &bench.model, (cases, &bench.worn()), &mut watch);
-            drop(watch);
-            line.clear();
-            told
+            let job = |watch: &mut Watch| muslin::bench::garments(data, &bench.trials(), watch);
+            shown(false, job)
         }
         BenchKind::Cloth => match &bench.peers {
             Some(home) => {

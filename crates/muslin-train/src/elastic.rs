@@ -21,8 +21,8 @@ pub struct Elastic {
 }
 
 impl Elastic {
-    /// Of the cloth around its wearers at rest, on the mean.
-    pub fn new(wearers: &[Wearer<'_>]) -> Self {
+    /// Of the cloth around its wearers at rest, on the mean, and as `firm` as it is taken to be now.
+    pub fn new(wearers: &[Wearer<'_>], firm: f64) -> Self {
         let first = &wearers[0].lesson;
         let (cloth, x) = (first.cloth, first.template);
         let near = neighbours(x.len(), &cloth.faces);
@@ -50,9 +50,10 @@ impl Elastic {
             let at = matrix.cols[span.clone()].iter().position(|c| *c == j);
             span.start + at.expect("corners of a face are neighbours")
         };
+        let firmness: Vec<f64> = wearers.iter().map(|w| w.firmness(firm)).collect();
         for (f, face) in cloth.faces.iter().enumerate() {
             let places: [[usize; 3]; 3] = face.map(|a| face.map(|b| find(a, b)));
-            for wearer in wearers {
+            for (wearer, firmness) in wearers.iter().zip(&firmness) {
                 // In full in compression as well: a step that is too short beats one too far.
                 let k = Stretch {
                     compression: 1.0,
@@ -62,7 +63,7 @@ impl Elastic {
                 let answer = membrane::hessian(&corners, &wearer.cut.rest[f], &k);
                 for (row, blocks) in places.iter().zip(&answer.hessian) {
                     for (at, block) in row.iter().zip(blocks) {
-                        matrix.blocks[*at] += *block * (1.0 / wearers.len() as f64);
+                        matrix.blocks[*at] += *block * (firmness / wearers.len() as f64);
                     }
                 }
             }

@@ -10,18 +10,18 @@ use crate::lanes::{Lane, Row, Vec3};
 /// Gravity [m/s²].
 pub const G: f32 = 9.81;
 
-/// Stretch and shear of all faces.
+/// Stretch and shear of all faces, `firmness` times as stiff as they are.
 #[inline(always)]
-pub fn membrane(cut: &Cut, x: &[Row], g: &mut [Row]) -> Lane {
+pub fn membrane(cut: &Cut, firmness: f32, x: &[Row], g: &mut [Row]) -> Lane {
     let mut energy = Lane::all(0.0);
     for p in &cut.patches {
-        energy += one_patch(p, x, g);
+        energy += one_patch(p, firmness * p.area, x, g);
     }
     energy
 }
 
 #[inline(always)]
-fn one_patch(p: &Patch, x: &[Row], g: &mut [Row]) -> Lane {
+fn one_patch(p: &Patch, area: f32, x: &[Row], g: &mut [Row]) -> Lane {
     let [x0, x1, x2] = p.verts.map(|v| Vec3::of(x, v));
     let (a, b) = (x1 - x0, x2 - x0);
     let [s, t] = p.slopes;
@@ -40,12 +40,12 @@ fn one_patch(p: &Patch, x: &[Row], g: &mut [Row]) -> Lane {
         density += k * strain * strain;
         stress[i] += f[i].times(k * strain / length);
     }
-    let spread = |s: [f32; 2]| (stress[0] * s[0] + stress[1] * s[1]) * p.area;
+    let spread = |s: [f32; 2]| (stress[0] * s[0] + stress[1] * s[1]) * area;
     let (g1, g2) = (spread(s), spread(t));
     (g1 + g2).times(Lane::all(-1.0)).add_to(g, p.verts[0]);
     g1.add_to(g, p.verts[1]);
     g2.add_to(g, p.verts[2]);
-    density * (0.5 * p.area)
+    density * (0.5 * area)
 }
 
 /// Bending at one vertex: its pull is row `v` of `Q x`.
@@ -104,7 +104,7 @@ mod tests {
         let (cloth, x) = (sheet(), states());
         let cut = Cut::new(&cloth).expect("a valid cloth");
         let mut g = vec![[0.0; LANES]; x.len()];
-        let energy = membrane(&cut, &x, &mut g);
+        let energy = membrane(&cut, 1.0, &x, &mut g);
         let (mut want, mut sums) = (vec![vec![DVec3::ZERO; 12]; LANES], vec![0.0; LANES]);
         for pose in 0..LANES {
             let x = state(&x, pose);

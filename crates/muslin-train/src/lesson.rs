@@ -49,6 +49,10 @@ pub struct Plan {
     /// hardly stretches under its weight; but what a network leaves of stretch would otherwise cost so much
     /// that nothing else is learnt.
     pub stiffest: f64,
+    /// Cloth that is softer in its plane than this [N/m] is at first taught as if it were this stiff and becomes
+    /// itself by and by: soft cloth crumples through itself before the network knows where it hangs. A training
+    /// that begins with a model has that behind it.
+    pub firm: f64,
     /// Cost of stretch and contact [J] beyond which a pose counts for less and less: its weight is
     /// this over its cost, so that a few impossible poses do not drown the others.
     pub fair: f64,
@@ -66,10 +70,11 @@ impl Default for Plan {
             rate: 1e-3,
             shape_rate: 0.1,
             momentum: 0.8,
-            damping: 0.3,
+            damping: 0.03,
             gap: 3e-3,
             skin: 400.0,
             stiffest: 1000.0,
+            firm: 1000.0,
             fair: 0.1,
             seed: 1,
         }

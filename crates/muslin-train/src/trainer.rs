@@ -156,7 +156,7 @@ impl<'a> Trainer<'a> {
         }
         // Who has no pose is not learnt from.
         lessons.truncate(pool.len() / LANES);
-        let wearers = wearers(lessons, plan.stiffest)?;
+        let wearers = wearers(lessons, &plan)?;
         let lesson = wearers[0].lesson;
         let (rig, skin) = follow(&lesson)?;
         let name = |b: &usize| lesson.avatar.rig().bones[*b].name.clone();
@@ -177,7 +177,7 @@ impl<'a> Trainer<'a> {
             }
             None => standardise(&mut packs),
         };
-        let elastic = Elastic::new(&wearers);
+        let elastic = Elastic::new(&wearers, 1.0);
         let n = lesson.template.len();
         let walls = vec![[0.0; 6]; n];
         let k = plan.codes;

@@ -20,6 +20,8 @@ const FLOOR: f64 = 3e-2;
 /// Share of the skin's stiffness at the first step, and of the steps after which it has all.
 const SOFT_START: f32 = 0.2;
 const HARDENED: f32 = 0.4;
+/// Shares of the steps between which firm cloth becomes as soft as it is.
+const SOFTENS: [f64; 2] = [0.3, 0.6];
 /// Share of the steps at the end in which step sizes fall.
 const FADE: f32 = 0.4;
 
@@ -37,6 +39,15 @@ impl Trainer<'_> {
         }
         let done = self.now.step as f32 / self.plan.steps.max(1) as f32;
         self.plan.skin as f32 * (SOFT_START + (1.0 - SOFT_START) * done / HARDENED).min(1.0)
+    }
+
+    /// How firm cloth is taken to be after so many steps: 1 at first, 0 in the end.
+    pub(crate) fn firm_at(&self, step: u64) -> f64 {
+        if self.begun.is_some() {
+            return 0.0;
+        }
+        let done = step as f64 / self.plan.steps.max(1) as f64;
+        ((SOFTENS[1] - done) / (SOFTENS[1] - SOFTENS[0])).clamp(0.0, 1.0)
     }
 
     /// Takes a step.
@@ -97,16 +108,23 @@ impl Trainer<'_> {
         for (m, x) in now.walls.as_flattened_mut().iter_mut().zip(walls) {
             *m = keep as f32 * *m + (1.0 - keep as f32) * x;
         }
-        if matches!(now.step, 1 | 5 | 20 | 60) || now.step.is_multiple_of(150) {
+        if factors_at(now.step) {
             now.factored.clone_from(&now.walls);
             self.refactor();
         }
     }
 
-    /// Factors with the walls that were remembered last.
+    /// Factors with the walls that were remembered last, and with the cloth as firm as it was then.
     pub(crate) fn refactor(&mut self) {
+        let last = (0..=self.now.step).rev().find(|s| factors_at(*s));
+        self.elastic = Elastic::new(&self.wearers, self.firm_at(last.unwrap_or(0)));
         self.factor = factored(&self.elastic, &self.now.factored, &self.plan);
     }
+}
+
+/// Whether the stiffness is factored anew after so many steps.
+fn factors_at(step: u64) -> bool {
+    matches!(step, 1 | 5 | 20 | 60) || step.is_multiple_of(150)
 }
 
 /// How far the step takes the vertex that it takes farthest, in all poses of a batch [m].

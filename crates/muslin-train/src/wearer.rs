@@ -1,12 +1,13 @@
 //! Who wears the cloth that is learnt: everything about a lesson that no step changes.
 
 use muslin_energy::membrane::Stretch;
+use muslin_sim::Material;
 
 use crate::TrainError;
 use crate::body::Skinned;
 use crate::cut::Cut;
 use crate::folds::Folds;
-use crate::lesson::Lesson;
+use crate::lesson::{Lesson, Plan};
 
 /// One lesson, ready to be worked on.
 pub(crate) struct Wearer<'a> {
@@ -16,17 +17,21 @@ pub(crate) struct Wearer<'a> {
     pub folds: Folds,
     /// Where the cloth lies at rest [m].
     pub template: Vec<[f32; 3]>,
-    /// How stiff each material is in its plane, as it is taught.
+    /// How stiff each material is in its plane, as it is taught in the end.
     stretch: Vec<Stretch>,
+    /// How many times that it is at first.
+    firmer: f64,
 }
 
 impl<'a> Wearer<'a> {
-    pub fn new(lesson: Lesson<'a>, stiffest: f64) -> Result<Self, TrainError> {
+    pub fn new(lesson: Lesson<'a>, plan: &Plan) -> Result<Self, TrainError> {
         let mut cloth = lesson.cloth.clone();
         for material in &mut cloth.materials {
-            soften(&mut material.stretch, stiffest);
+            soften(&mut material.stretch, plan.stiffest);
         }
+        let firmer = |m: &Material| plan.firm / (m.stretch.warp * m.stretch.weft).sqrt();
         Ok(Self {
+            firmer: cloth.materials.iter().map(firmer).fold(1.0, f64::max),
             stretch: cloth.materials.iter().map(|m| m.stretch).collect(),
             body: Skinned::new((lesson.avatar, lesson.figure), lesson.template),
             cut: Cut::new(&cloth)?,
@@ -38,7 +43,13 @@ impl<'a> Wearer<'a> {
         })
     }
 
-    /// How stiff face `f` is in its plane, as it is taught.
+    /// How many times as stiff in its plane as in the end the cloth is taken to be, where `firm` falls from 1 at
+    /// first to 0.
+    pub fn firmness(&self, firm: f64) -> f64 {
+        self.firmer.powf(firm)
+    }
+
+    /// How stiff face `f` is in its plane, as it is taught in the end.
     pub fn stretch(&self, f: usize) -> Stretch {
         self.stretch[self.lesson.cloth.material_of[f] as usize]
     }
@@ -54,10 +65,10 @@ fn soften(k: &mut Stretch, stiffest: f64) {
 }
 
 /// All lessons, if they are of one cloth on one family of bodies and tell the same traits.
-pub(crate) fn wearers(
-    lessons: Vec<Lesson<'_>>,
-    stiffest: f64,
-) -> Result<Vec<Wearer<'_>>, TrainError> {
+pub(crate) fn wearers<'a>(
+    lessons: Vec<Lesson<'a>>,
+    plan: &Plan,
+) -> Result<Vec<Wearer<'a>>, TrainError> {
     let Some(first) = lessons.first().copied() else {
         return Err(TrainError::OtherCloth("there is none"));
     };
@@ -78,6 +89,37 @@ pub(crate) fn wearers(
             return Err(TrainError::OtherCloth(what));
         }
     }
-    let one = |l| Wearer::new(l, stiffest);
+    let one = |l| Wearer::new(l, plan);
     lessons.into_iter().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::LazyLock;
+
+    use crate::testing::Class;
+
+    static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
+
+    #[test]
+    fn soft_cloth_is_firm_at_first_and_itself_in_the_end() {
+        let mut trainer = CLASS.trainer();
+        let wearer = &trainer.wearers[0];
+        let own = wearer.stretch(0);
+        let own = (own.warp * own.weft).sqrt();
+        let firm = trainer.plan.firm;
+        assert!(own < 0.5 * firm, "{own}");
+        assert!((wearer.firmness(1.0) * own / firm - 1.0).abs() < 1e-9);
+        let firmness = wearer.firmness(1.0);
+        let steps = trainer.plan.steps;
+        let mut pack = trainer.now.packs[0].clone();
+        let mut cost = |step: u64| {
+            trainer.now.step = step;
+            trainer.work(&mut pack).energies
+        };
+        let [first, midway, last] = [0, steps * 9 / 20, steps].map(&mut cost);
+        assert!((first.membrane / last.membrane / firmness - 1.0).abs() < 1e-4);
+        assert!(last.membrane < midway.membrane && midway.membrane < first.membrane);
+        assert_eq!((first.bend, first.weight), (last.bend, last.weight));
+    }
 }

@@ -152,9 +152,11 @@ impl Trainer<'_> {
     /// Costs of the positions `x`, and their gradient in the rest frame.
     #[inline(always)]
     fn ask(&self, (pack, walls): Walled<'_>, (x, g): (&[Row], &mut [Row]), work: &mut Work) {
-        let Wearer { cut, template, .. } = &self.wearers[pack.wearer];
+        let wearer = &self.wearers[pack.wearer];
+        let Wearer { cut, template, .. } = wearer;
         let n = cut.n_verts();
-        let membrane = laws::membrane(cut, x, g);
+        let firmness = wearer.firmness(self.firm_at(self.now.step)) as f32;
+        let membrane = laws::membrane(cut, firmness, x, g);
         let mut sums = [
             membrane,
             Lane::all(0.0),

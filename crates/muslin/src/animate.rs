@@ -13,7 +13,7 @@ use muslin_sim::Cloth;
 
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
-use crate::hero::{Hero, Standing, avatar_of, body_note, standing};
+use crate::hero::{Hero, OURS, Standing, avatar_of, body_note, standing};
 use crate::options::{DressOptions, Wear};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
@@ -107,8 +107,8 @@ fn knows(model: &Model, options: &AnimateOptions) -> Result<(), Failure> {
 
 /// Refuses a model that was taught on a character without that character.
 fn wants_character(model: &Model, hero: Option<&Hero>) -> Result<(), Failure> {
-    let taught = model.notes.get("body").map_or("anny", String::as_str);
-    if hero.is_some() || taught == "anny" {
+    let taught = model.notes.get("body").map_or(OURS, String::as_str);
+    if hero.is_some() || taught == OURS {
         return Ok(());
     }
     let what = format!("the model was taught on a character ({taught})");

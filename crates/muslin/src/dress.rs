@@ -84,7 +84,7 @@ pub fn dress_pose(
     job.done(1, "pose", format!("built in: {pose}"))?;
     let sitter = Sitter::new(&avatar, &shape, stance)?;
     let measures = avatar.measure(&sitter.figure);
-    job.report.set("body", tell::body(&shape, &measures));
+    job.report.set("body", tell::person(&shape, &measures));
     job.done(2, "body", tell::measures(&measures))?;
     job.clothe(&Model { sitter, over: None }, out)
 }
@@ -112,7 +112,10 @@ pub(crate) fn asked_figure(
     let shape = asked_shape(avatar, options)?;
     let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
     let measures = avatar.measure(&figure);
-    let report = tell::body(&shape, &measures);
+    let report = match options.body {
+        Some(_) => tell::body(&shape, &measures),
+        None => tell::person(&shape, &measures),
+    };
     Ok((figure, report, tell::measures(&measures)))
 }
 
@@ -248,7 +251,7 @@ impl<'a, 'w> Job<'a, 'w> {
         let fit = self.fit(seen).map_err(|f| f.at(photo.file.clone()))?;
         let sitter = Sitter::new(self.avatar, &fit.shape, fit.pose.clone())?;
         let measures = self.avatar.measure(&sitter.figure);
-        let mut body = tell::body(&fit.shape, &measures);
+        let mut body = tell::person(&fit.shape, &measures);
         tell::fit(&mut body, &fit);
         self.report.set("body", body);
         self.done(2, "body", tell::fitted(&fit, &measures))?;

@@ -156,10 +156,13 @@ pub(crate) fn standing(
     })
 }
 
+/// What a model that was taught on our own body says of it.
+pub(crate) const OURS: &str = "anny";
+
 /// What a model says of the body that it was taught on.
 pub(crate) fn body_note(hero: Option<&Hero>) -> String {
     match hero {
         Some(hero) => format!("sha256:{}", &hero.file.sha256[..16]),
-        None => "anny".into(),
+        None => OURS.into(),
     }
 }

@@ -9,7 +9,7 @@ use crate::drape::{cloth, put_on};
 use crate::fabric;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
-use crate::hero::standing;
+use crate::hero::{OURS, standing};
 use crate::options::DressOptions;
 use crate::outfit::{Outfit, WARDROBE};
 use crate::simulate::SimulateOptions;
@@ -30,9 +30,6 @@ pub struct Playing {
     at: Vec<[f32; 3]>,
     step: f64,
 }
-
-/// Whom models of our own body were taught on, in their notes.
-const OURS: &str = "anny";
 
 /// Seconds from frame to frame: until they are said, and within what they may be.
 const STEP: f64 = 1.0 / 30.0;

@@ -10,6 +10,7 @@ use muslin_io::Photo;
 
 use crate::drape::{Dressed, Quality};
 use crate::outfit::Outfit;
+use crate::size::Size;
 use crate::table::Table;
 
 /// Rounded to `digits` decimals, so that reports read well.
@@ -83,6 +84,15 @@ pub fn body(shape: &Shape, m: &Measures) -> Report {
         sliders.set(name, to(4, *value));
     }
     r.set("sliders", sliders);
+    r
+}
+
+/// The same of a person, with the size on a label that fits by the chest.
+pub fn person(shape: &Shape, m: &Measures) -> Report {
+    let mut r = body(shape, m);
+    if let Ok(gender) = shape.get("gender") {
+        r.set("size", Size::of(m.chest, gender).label());
+    }
     r
 }
 
@@ -277,11 +287,15 @@ pub fn table(report: &Report, out: &Path) -> String {
         _ => "-".to_owned(),
     };
     let body = ["height_cm", "chest_cm", "waist_cm", "hip_cm"].map(|n| number(&["body", n]));
+    let size = match dig(report, &["body", "size"]) {
+        Some(Value::Text(size)) => format!("; size {size} by the chest"),
+        _ => String::new(),
+    };
     table.row([
         "body",
         &format!(
-            "{} cm tall; chest {}, waist {}, hip {} cm",
-            body[0], body[1], body[2], body[3]
+            "{} cm tall; chest {}, waist {}, hip {} cm{}",
+            body[0], body[1], body[2], body[3], size
         ),
     ]);
     if let Some(Value::Number(px)) = dig(report, &["body", "reprojection_px"]) {
@@ -326,8 +340,12 @@ mod tests {
     #[test]
     fn the_table_takes_its_figures_from_the_report() {
         let (mut report, mut body) = (Report::default(), Report::default());
-        body.set("height_cm", 172.0);
+        body.set("height_cm", 172.0).set("size", "M");
         report.set("body", body);
-        assert!(table(&report, Path::new("out")).contains("172 cm tall"));
+        let told = table(&report, Path::new("out"));
+        assert!(
+            told.contains("172 cm tall") && told.contains("size M"),
+            "{told}"
+        );
     }
 }

@@ -24,15 +24,17 @@ const SPIN: (&str, f64) = ("spin", 3.0);
 /// Heads of the table that [`rows`] fills.
 pub(super) const HEADS: [&str; 5] = ["model", "fabric", "hem cm, network", "refined", "simulated"];
 
-/// Adds a row for each fabric, if the model knows fabrics and its garment hangs freely down to a hem.
+/// Whether a model was taught in any fabric.
+pub(super) fn knows_any(model: &Model) -> bool {
+    model.traits.iter().any(|t| t.name == "ln_bend")
+}
+
+/// Adds a row for each fabric, if the garment hangs freely down to a hem, and says how many.
 pub(super) fn rows(
     (avatar, model): (&Avatar, &Model),
     (worn, name): (&DressOptions, &str),
     table: &mut Table,
-) -> Result<(), Failure> {
-    if !model.traits.iter().any(|t| t.name == "ln_bend") {
-        return Ok(());
-    }
+) -> Result<String, Failure> {
     for (k, fabric) in FABRICS.into_iter().enumerate() {
         let mut worn = worn.clone();
         worn.outfit[0].fabric = Some(fabric.into());
@@ -47,12 +49,10 @@ pub(super) fn rows(
         let garment = &here.outfit.pieces[0].garment;
         let hem = garment.rims.iter().find(|r| r.opening == Opening::Hem);
         let Some(hem) = hem.filter(|_| garment.hangs_freely()) else {
-            return Ok(());
+            return Ok("no hem that hangs freely".into());
         };
-        let model = Model {
-            sway: swings::swings((avatar, &here.figure), (&here.cloth, &here.start))?,
-            ..here.told(model.clone())?
-        };
+        let told = here.told(model.clone())?;
+        let model = swings::swinging(told, (avatar, &here.figure), &here.cloth)?;
         let raw = predict((&here, &model), (1.0, usize::MAX))?.frames;
         let led = along((&here, REFINE, 1.0), (0, &raw, None), &mut Watch::nobody())?;
         let led: Vec<Vec<DVec3>> = led.into_iter().map(|s| s.cloth).collect();
@@ -70,7 +70,7 @@ pub(super) fn rows(
             wide(&simulated),
         ]);
     }
-    Ok(())
+    Ok(format!("{} fabrics in a spin", FABRICS.len()))
 }
 
 /// Mean distance of a hem from its middle over the second half of the frames, seen from above [m].

@@ -139,82 +139,170 @@ impl Subject {
     }
 }
 
-/// The figures of the `models` on recordings of the data folder, side by side, `cases` frames in
-/// all for each; on the body and in the fabric of `worn`, where it says so, else as they were taught.
+/// What is measured of trained garments, and on whom.
+#[derive(Clone, Debug, Default)]
+pub struct Trials {
+    /// Models, side by side.
+    pub models: Vec<PathBuf>,
+    /// Frames in all for each.
+    pub cases: usize,
+    /// Body, size and fabric where they are others than those that were taught.
+    pub worn: DressOptions,
+    /// Only parts whose name ("tee, 02_01_walk, swing") holds one of these; all if empty.
+    pub only: Vec<String>,
+}
+
+/// What a part of the trials measures.
+#[derive(Clone, Copy)]
+enum Kind {
+    /// A clip, as if the body stood still in every frame.
+    Rest(&'static str),
+    /// A clip, with how cloth swings.
+    Swing(&'static str),
+    /// One motion in several fabrics.
+    Fabrics,
+    /// Frames a second.
+    Speed,
+}
+
+impl Kind {
+    fn all() -> impl Iterator<Item = Self> {
+        let clips = HELD_OUT.map(Self::Rest).into_iter();
+        let clips = clips.chain(HELD_OUT.map(Self::Swing));
+        clips.chain([Self::Fabrics, Self::Speed])
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Rest(_) => "rest",
+            Self::Swing(_) => "swing",
+            Self::Fabrics => "fabrics",
+            Self::Speed => "speed",
+        }
+    }
+
+    /// Whether it can be told of a model.
+    fn fits(self, model: &Model) -> bool {
+        match self {
+            Self::Swing(_) => swings::are_ours(model),
+            Self::Fabrics => fabrics::knows_any(model),
+            Self::Rest(_) | Self::Speed => true,
+        }
+    }
+}
+
+/// The figures of trained garments, the recordings being in the data folder; `watch` hears of each part
+/// as soon as it is measured.
 pub fn garments(
     data: Option<&Path>,
-    models: &[PathBuf],
-    (cases, worn): (usize, &DressOptions),
+    trials: &Trials,
     watch: &mut Watch,
 ) -> Result<String, Failure> {
     let data = needed(data)?;
-    if models.is_empty() {
+    if trials.models.is_empty() {
         let fault = Failure::new(Exit::Usage, "no-model", "no model to measure");
         return Err(fault.hint("name one with --model; `muslin train` makes it"));
     }
-    let subjects = models.iter().map(|p| Subject::new(p));
+    let subjects = trials.models.iter().map(|p| Subject::new(p));
     let subjects = subjects.collect::<Result<Vec<_>, _>>()?;
     let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
-    let mut table = Table::new(&[
-        "clip",
-        "model",
-        "tier",
-        "strain J",
-        "gap J",
-        "inside %",
-        "body pairs",
-        "crossings",
-        "frames",
-    ]);
-    let mut motion = Table::new(&swing::HEADS);
-    let mut rates = vec![String::new(); subjects.len()];
-    for clip in HELD_OUT {
-        let n = cases.div_ceil(HELD_OUT.len());
-        for (k, subject) in subjects.iter().enumerate() {
-            let name = clip_name(clip, k == 0);
-            watch.progress(&format!("{}: {}", subject.name(), clip_name(clip, true)));
-            let at = &data.join(clip);
-            rates[k] = one_clip((&avatar, subject), (at, worn, name.clone()), n, &mut table)?;
-            if swings::are_ours(&subject.model) {
-                let names = [name.as_str(), &subject.name()];
-                watch.progress(&format!("{}: how it swings", subject.name()));
-                swing::rows((&avatar, &subject.model), (at, worn, names), &mut motion)?;
+    let parts = parts(&subjects, &trials.only);
+    if parts.is_empty() {
+        let fault = Failure::new(
+            Exit::Usage,
+            "no-part",
+            "no part of the figures is called so",
+        );
+        return Err(fault
+            .at("--only")
+            .hint("they are called like \"tee, 02_01_walk, swing\""));
+    }
+    let worn = &trials.worn;
+    let [mut rest, mut motion, mut cloths] =
+        [&HEADS[..], &swing::HEADS, &fabrics::HEADS].map(Table::new);
+    let mut rates = Vec::new();
+    let n = trials.cases.div_ceil(HELD_OUT.len());
+    for (done, (name, subject, kind)) in parts.iter().enumerate() {
+        watch.progress(name);
+        let (of, own) = ((&avatar, &subject.model), subject.name());
+        let told = match kind {
+            Kind::Rest(clip) => {
+                let names = [clip_name(clip), own];
+                let names = names.each_ref().map(String::as_str);
+                at_rest(
+                    (&avatar, subject),
+                    (&data.join(clip), worn, names),
+                    n,
+                    &mut rest,
+                )?
             }
-        }
+            Kind::Swing(clip) => {
+                let names = [clip_name(clip), own];
+                let names = names.each_ref().map(String::as_str);
+                swing::rows(of, (&data.join(clip), worn, names), &mut motion)?
+            }
+            Kind::Fabrics => fabrics::rows(of, (worn, &own), &mut cloths)?,
+            Kind::Speed => {
+                let told = speed(of, (&data.join(HELD_OUT[0]), worn))?;
+                rates.push(format!("{}\n{told}", subject.told()));
+                told
+            }
+        };
+        let told = format!("{name}: {told}");
+        watch.done((done + 1, parts.len()), kind.name(), told)?;
     }
-    let mut cloths = Table::new(&fabrics::HEADS);
-    for subject in &subjects {
-        let name = subject.name();
-        watch.progress(&format!("{name}: in other fabrics"));
-        fabrics::rows((&avatar, &subject.model), (worn, &name), &mut cloths)?;
-    }
-    let lines = subjects.iter().zip(rates);
-    let lines: Vec<String> = lines.map(|(s, r)| format!("{}\n{r}", s.told())).collect();
+    let tables = [rest, motion, cloths].map(|t| t.text());
+    let shown = tables.iter().filter(|t| t.contains('\n'));
+    let mut out: Vec<String> = shown.cloned().collect();
+    out.push(rates.join("\n"));
     Ok(format!(
-        "{}\n\n{}\n\n{}\n\n{}\n{}\n\
+        "{}\n{}\n\
          strain: StVK of the reference cloth; gap: stretch, bending and weight in the garment's own \
          fabric above\nthe solver after {CONVERGED} more iterations; crossings and pairs are a frame's mean, by exact predicates\n\
          swing: how cloth moves beyond where the network says that it rests; alike: 1 where it is the simulator's",
-        table.text(),
-        motion.text(),
-        cloths.text(),
-        lines.join("\n"),
+        out.join("\n\n"),
         load(),
     ))
 }
 
-/// What a clip is called in the table, where it is named.
-fn clip_name(clip: &str, is_first: bool) -> String {
-    let stem = Path::new(clip).file_stem().unwrap_or_default();
-    match is_first {
-        true => muslin_io::name(Path::new(stem)),
-        false => String::new(),
-    }
+/// What is to be measured, as far as it was asked for, by name.
+fn parts<'s>(subjects: &'s [Subject], only: &[String]) -> Vec<(String, &'s Subject, Kind)> {
+    let name = |s: &Subject, kind: Kind| match kind {
+        Kind::Rest(clip) | Kind::Swing(clip) => {
+            format!("{}, {}, {}", s.name(), clip_name(clip), kind.name())
+        }
+        Kind::Fabrics | Kind::Speed => format!("{}, {}", s.name(), kind.name()),
+    };
+    let of = |kind| subjects.iter().map(move |s| (name(s, kind), s, kind));
+    let asked = |name: &str| only.is_empty() || only.iter().any(|o| name.contains(o));
+    let all = Kind::all().flat_map(of);
+    all.filter(|(name, s, kind)| kind.fits(&s.model) && asked(name))
+        .collect()
 }
 
-fn one_clip(
+/// Heads of the table of cloth at rest.
+const HEADS: [&str; 10] = [
+    "clip",
+    "model",
+    "tier",
+    "strain J",
+    "gap J",
+    "of stretch, bending, weight",
+    "inside %",
+    "body pairs",
+    "crossings",
+    "frames",
+];
+
+/// What a clip is called.
+fn clip_name(clip: &str) -> String {
+    muslin_io::name(Path::new(Path::new(clip).file_stem().unwrap_or_default()))
+}
+
+/// Adds the rows of a clip: `n` frames of it, each as if the body stood still in it; returns them in short.
+fn at_rest(
     (avatar, subject): (&Avatar, &Subject),
-    (clip, worn, name): (&Path, &DressOptions, String),
+    (clip, worn, names): (&Path, &DressOptions, [&str; 2]),
     n: usize,
     table: &mut Table,
 ) -> Result<String, Failure> {
@@ -252,21 +340,25 @@ fn one_clip(
         tiers[2].body_pairs += near.told.body_intersections as usize;
         tiers[3].settled(&set.cloth, &rest);
     }
-    let names = ["skinned", "network", "refined", "minimiser"];
     let inside = [Some(skinned.inside), Some(raw.inside), None, None];
+    let mut short = Vec::new();
     for (t, (tier, inside)) in tiers.iter().zip(inside).enumerate() {
         let gaps = tier.energies.iter().zip(&tiers[3].energies);
-        let gap: f64 = gaps
-            .map(|(a, b)| a.iter().sum::<f64>() - b.iter().sum::<f64>())
-            .sum();
+        let gaps = gaps.fold([0.0; 3], |sum, (a, b)| {
+            [0, 1, 2].map(|i| sum[i] + (a[i] - b[i]) / n as f64)
+        });
+        let gap: f64 = gaps.iter().sum();
         let mean = |x: usize| format!("{:.2}", x as f64 / n as f64);
-        let first = |x: String| if t == 0 { x } else { String::new() };
+        let first = |x: &str| if t == 0 { x.to_owned() } else { String::new() };
+        let [strain, gap] = [tier.strain(&set)?, gap].map(|x| format!("{x:.4}"));
+        short.push(format!("{} {strain} J, {gap} above", TIERS[t]));
         table.row([
-            first(name.clone()),
-            first(subject.name()),
-            names[t].to_owned(),
-            format!("{:.4}", tier.strain(&set)?),
-            format!("{:.4}", gap / n as f64),
+            first(names[0]),
+            first(names[1]),
+            TIERS[t].to_owned(),
+            strain,
+            gap,
+            gaps.map(|x| format!("{x:.4}")).join(" "),
             inside.map_or(String::new(), |i| format!("{i:.3}")),
             if t < 2 {
                 String::new()
@@ -277,15 +369,11 @@ fn one_clip(
             n.to_string(),
         ]);
     }
-    let swinging = Model {
-        sway: match swings::are_ours(model) {
-            true => swings::swings((avatar, &set.figure), (&set.cloth, &set.start))?,
-            false => None,
-        },
-        ..model.clone()
-    };
-    speed((avatar, &swinging), &set)
+    Ok(short[1..3].join("; "))
 }
+
+/// Ways to lay the cloth.
+const TIERS: [&str; 4] = ["skinned", "network", "refined", "minimiser"];
 
 /// A model's garment and body on a clip, or on its first seconds.
 pub(super) fn set<'a>(
@@ -311,8 +399,17 @@ pub(super) fn set<'a>(
     Ok(set)
 }
 
-/// Frames a second of the network alone, one frame after the other.
-fn speed((avatar, model): (&Avatar, &Model), set: &Set) -> Result<String, Failure> {
+/// Frames a second of the network alone, swings included, one frame after the other.
+fn speed(
+    (avatar, model): (&Avatar, &Model),
+    (clip, worn): (&Path, &DressOptions),
+) -> Result<String, Failure> {
+    let set = &set((avatar, model), (clip, 30.0, worn), Some(0.1))?;
+    let mut model = set.told(model.clone())?;
+    if swings::are_ours(&model) {
+        model = swings::swinging(model, (avatar, &set.figure), &set.cloth)?;
+    }
+    let model = &model;
     let mut player = Player::new(model, avatar).map_err(|e| model_failure(&e))?;
     let pose = &set.moving.motion.poses[set.moving.lead];
     let bones = avatar.bones(&set.figure, pose);
@@ -371,21 +468,11 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        let fault = garments(
-            None,
-            &[],
-            (3, &DressOptions::default()),
-            &mut Watch::nobody(),
-        )
-        .expect_err("no data");
+        let none = Trials::default();
+        let fault = garments(None, &none, &mut Watch::nobody()).expect_err("no data");
         assert_eq!(fault.code, "no-data");
-        let fault = garments(
-            Some(Path::new(".")),
-            &[],
-            (3, &DressOptions::default()),
-            &mut Watch::nobody(),
-        )
-        .expect_err("no model");
+        let here = Some(Path::new("."));
+        let fault = garments(here, &none, &mut Watch::nobody()).expect_err("no model");
         assert_eq!((fault.code, fault.exit), ("no-model", Exit::Usage));
     }
 }

@@ -17,7 +17,7 @@ use std::path::Path;
 use crate::failure::{Exit, Failure};
 
 pub use cloth::{cloth, peers};
-pub use garments::garments;
+pub use garments::{Trials, garments};
 pub use rooms::{body, fit, pose};
 pub use whole::{Drapes, drape, dress};
 

@@ -23,7 +23,7 @@ pub(super) const FPS: f64 = 30.0;
 /// Simulated frames for each of them: the simulator at the rate that it is made for.
 pub(super) const FINER: usize = 2;
 
-/// Adds the rows of a clip: what cloth does beyond where it would rest.
+/// Adds the rows of a clip, what cloth does beyond where it would rest, and returns them in short.
 ///
 /// Content is the root mean square of how a vertex moves against the prediction for a body that stands
 /// still in each pose, in the frame of the bones it follows; what never changes (a fold that lies
@@ -32,13 +32,11 @@ pub(super) fn rows(
     (avatar, model): (&Avatar, &Model),
     (clip, worn, names): (&Path, &DressOptions, [&str; 2]),
     table: &mut Table,
-) -> Result<(), Failure> {
+) -> Result<String, Failure> {
     let set_at = |fps: f64| set((avatar, model), (clip, fps, worn), Some(SECONDS));
     let here = set_at(FPS)?;
-    let swinging = Model {
-        sway: swings::swings((avatar, &here.figure), (&here.cloth, &here.start))?,
-        ..here.told(model.clone())?
-    };
+    let told = here.told(model.clone())?;
+    let swinging = swings::swinging(told, (avatar, &here.figure), &here.cloth)?;
     let still = predict((&here, &swinging), (0.0, usize::MAX))?.frames;
     let raw = predict((&here, &swinging), (1.0, usize::MAX))?.frames;
     let refined = along((&here, REFINE, 1.0), (0, &raw, None), &mut Watch::nobody())?;
@@ -47,6 +45,7 @@ pub(super) fn rows(
     let turns = turns(&here, model)?;
     let beyond = |x: &[Vec<DVec3>]| beyond(x, &still, &turns);
     let truth = beyond(&simulated);
+    let mut short = Vec::new();
     for (tier, x) in [
         ("network", &raw),
         ("refined", &refined),
@@ -60,16 +59,19 @@ pub(super) fn rows(
                 String::new()
             }
         };
+        let share = format!("{:.2}", content(&own) / content(&truth));
+        short.push(format!("{tier} {share}"));
         table.row([
             first(names[0]),
             first(names[1]),
             tier.to_owned(),
             format!("{:.1}", content(&own) * 1e3),
-            format!("{:.2}", content(&own) / content(&truth)),
+            share,
             format!("{:.2}", alike(&own, &truth)),
         ]);
     }
-    Ok(())
+    short.pop();
+    Ok(format!("{} of the simulator's swing", short.join(", ")))
 }
 
 /// Heads of the table that [`rows`] fills.

@@ -68,7 +68,7 @@ impl Class {
         };
         let own = asked_shape(avatar, &options.dress)?;
         let mut wear = vec![(figure.clone(), piece.fabric.clone(), outfit.cut_for.clone())];
-        for _ in 1..lessons {
+        for k in 1..lessons {
             let (mut who, mut what, mut cut) = wear[0].clone();
             let mut shape = own.clone();
             if options.any_shape {
@@ -78,7 +78,8 @@ impl Class {
             if options.any_fabric {
                 what = variety::any_fabric(&fabrics, noise);
             }
-            if options.any_size {
+            // Every other one wears what was made to measure: that is what most ask for.
+            if options.any_size && k % 2 == 1 {
                 cut = Some(variety::any_cut(avatar, (&shape, &who), noise));
             }
             wear.push((who, what, cut));
