@@ -9,8 +9,7 @@ use std::process::Command;
 
 use crate::Outcome;
 
-/// Garments that are taught, and whether in any size and first in coarse cloth: a skirt taught so ends worse
-/// (docs/lab.md).
+/// Garments that are taught, and whether first in coarse cloth: a skirt taught so ends worse (docs/lab.md).
 const NAMES: [(&str, bool); 4] = [
     ("tee", true),
     ("trousers", true),
@@ -26,12 +25,12 @@ const RECORDINGS: [&str; 9] = [
     "07_01", "55_01", "91_48", "91_49", "91_50", "91_51", "91_52", "91_53", "91_54",
 ];
 /// For whom, and of how many poses, shown and mixed.
-const HOW: [&str; 8] = [
-    "--fabric", "any", "--shape", "any", "--poses", "600", "--mixed", "1400",
+const HOW: [&str; 10] = [
+    "--fabric", "any", "--shape", "any", "--sizes", "any", "--poses", "600", "--mixed", "1400",
 ];
 /// In coarse cloth, whose steps take a third of the time, and then in its own; or in its own alone.
-const COARSE: [&str; 6] = ["--sizes", "any", "--edge", "20", "--steps", "2500"];
-const FINE: [&str; 4] = ["--sizes", "any", "--steps", "1500"];
+const COARSE: [&str; 4] = ["--edge", "20", "--steps", "2500"];
+const FINE: [&str; 2] = ["--steps", "1500"];
 const ALONE: [&str; 2] = ["--steps", "3000"];
 
 /// The recordings in a folder.
@@ -61,11 +60,11 @@ pub fn build(args: &[&str]) -> Outcome {
     let names = if names.is_empty() { &all[..] } else { names };
     let folder = Path::new("assets/wardrobe");
     for name in names {
-        let Some((_, sized)) = NAMES.iter().find(|n| n.0 == *name) else {
+        let Some((_, first_coarse)) = NAMES.iter().find(|n| n.0 == *name) else {
             return Err(format!("{name}: not in the wardrobe ({})", all.join(", ")));
         };
         let model = folder.join(format!("{name}.muslin"));
-        if !sized {
+        if !first_coarse {
             teach(name, (&recordings, &model), &ALONE.map(OsStr::new))?;
             continue;
         }

@@ -308,11 +308,12 @@ fn published_systems_are_taught_and_played_and_motion_has_a_level_where_it_is_to
     let folder = Folder::new("published");
     for system in ["pbns", "snug", "ncs"] {
         let model = folder.at(&format!("{system}.muslin"));
-        let mixed: &[&str] = match system {
+        let own: &[&str] = match system {
             "pbns" => &["--mixed", "0"],
+            "snug" => &["--shape", "any"],
             _ => &[],
         };
-        let done = published(system, &model, &[&["--steps", "2"], mixed].concat());
+        let done = published(system, &model, &[&["--steps", "2"], own].concat());
         assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
         let report = std::fs::read_to_string(folder.at(&format!("{system}.report.json")));
         assert!(
@@ -339,6 +340,15 @@ fn published_systems_are_taught_and_played_and_motion_has_a_level_where_it_is_to
                 assert!(errors(&none).contains("train ncs"), "{}", errors(&none));
             }
         }
+    }
+    for (model, not_taught) in [("snug", "[]"), ("ncs", "[\"body\"]")] {
+        let model = folder.at(&format!("{model}.muslin"));
+        raw(&folder, &model, &["--weight", "90"]);
+        let report = std::fs::read_to_string(folder.at("w.report.json")).expect("written");
+        assert!(
+            report.contains(&format!("\"not_taught\": {not_taught}")),
+            "{report}"
+        );
     }
     let other = [
         "animate",

@@ -140,6 +140,14 @@ impl Encoder {
         }
     }
 
+    /// How many of so many traits it reads after the pose.
+    pub fn n_told(&self, traits: usize) -> usize {
+        match self {
+            Self::Plain(_) => traits,
+            Self::Pbns(_) | Self::Snug(_) | Self::Ncs(_) => 0,
+        }
+    }
+
     /// Whether its parts fit each other, a pose of `n` driving bones and that many traits after it.
     pub fn fits(&self, n: usize, traits: usize) -> bool {
         let sound = |w: &[usize]| {
@@ -147,12 +155,13 @@ impl Encoder {
         };
         match self {
             Self::Plain(m) => sound(&m.widths) && m.widths[0] == self.n_inputs(n) + traits,
-            _ if traits > 0 => false,
-            Self::Pbns(m) => sound(&m.widths) && m.widths[0] == self.n_inputs(n),
             Self::Snug(s) => {
                 let told = s.body.iter().all(|x| x.is_finite());
-                told && sound(&s.widths) && s.widths[0] == self.n_inputs(n)
+                let whole = traits == 0 || traits == s.body.len();
+                told && whole && sound(&s.widths) && s.widths[0] == self.n_inputs(n)
             }
+            _ if traits > 0 => false,
+            Self::Pbns(m) => sound(&m.widths) && m.widths[0] == self.n_inputs(n),
             Self::Ncs(e) => {
                 let parts = [&e.still, &e.joint, &e.whole, &e.decoder];
                 parts.iter().all(|p| sound(&p.widths))

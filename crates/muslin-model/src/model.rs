@@ -40,6 +40,17 @@ pub struct Trait {
     pub range: [f32; 2],
 }
 
+impl Trait {
+    /// From -1, the least that was taught, to 1, the most; 0 where nothing else was.
+    pub fn level(&self) -> f32 {
+        let [least, most] = self.range;
+        match most > least {
+            true => (2.0 * self.value - least - most) / (most - least),
+            false => 0.0,
+        }
+    }
+}
+
 /// A garment that has learnt how to lie on a moving body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Model {
@@ -55,7 +66,8 @@ pub struct Model {
     pub skin: Skin,
     /// Bones whose turns the network reads, by name; the first is the root.
     pub drivers: Vec<String>,
-    /// What the network reads after the pose.
+    /// What the network reads besides the pose: our own as a number after it, SNUG as a number of the body,
+    /// [`Trait::level`].
     pub traits: Vec<Trait>,
     /// Mean and 1/deviation of every input over the training poses.
     pub scale: Vec<[f32; 2]>,
@@ -89,6 +101,11 @@ impl Model {
             if let Some(x) = value(&t.name) {
                 t.value = (x as f32).clamp(t.range[0], t.range[1]);
             }
+        }
+        if let Encoder::Snug(s) = &mut self.encoder
+            && !self.traits.is_empty()
+        {
+            s.body = self.traits.iter().map(Trait::level).collect();
         }
         self
     }

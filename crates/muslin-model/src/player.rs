@@ -55,7 +55,7 @@ impl Player {
         Ok(Self {
             swing,
             input: inputs(model),
-            told: model.traits.len(),
+            told: model.encoder.n_told(model.traits.len()),
             stream,
             scale: model.scale.clone(),
             mind: Mind::new(&model.encoder, &model.params),

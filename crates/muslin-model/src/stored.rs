@@ -229,7 +229,7 @@ impl Model {
         )?;
         fits(
             "scale",
-            self.scale.len() == self.encoder.n_inputs(drivers) + traits,
+            self.scale.len() == self.encoder.n_inputs(drivers) + self.encoder.n_told(traits),
         )?;
         fits("bones", self.bones.len() <= MOST_BONES)?;
         let ordered = |t: &Trait| {

@@ -7,6 +7,8 @@ use muslin_sim::{Flesh, Frame};
 
 /// How far from the cloth skin is looked for [m].
 const REACH: f64 = 0.06;
+/// Cloth deeper in the body than this has slipped [m].
+const SHALLOW: f64 = 0.003;
 /// Room that cloth needs between two parts of the body [m].
 const ROOM: f64 = 0.007;
 /// Skin farther than this from the cloth at rest is no wall [m]: hands, head, lower legs.
@@ -151,9 +153,25 @@ impl<'a> Skinned<'a> {
 
     /// The triangle of the `skin` nearest to each vertex of the cloth at `x` [m]; none where skin is
     /// far, or where the body still folds into itself, so that no cloth could lie between.
-    pub fn nearest(&self, skin: &Posed, x: &[DVec3]) -> Vec<u32> {
-        let face = |hit: Option<Closest>| hit.map_or(NO_FACE, |hit| hit.face);
-        self.closest(skin, x).into_iter().map(face).collect()
+    ///
+    /// Where the way from there is `known`, cloth that lies deep stays with the triangle it was followed to:
+    /// the nearest may be on the far side of a limb.
+    pub fn nearest(
+        &self,
+        skin: &Posed,
+        x: &[DVec3],
+        known: impl Fn(usize) -> Option<u32>,
+    ) -> Vec<u32> {
+        let face = |(v, hit): (usize, Option<Closest>)| match (hit, known(v)) {
+            (Some(hit), Some(face)) if hit.signed < -SHALLOW => face,
+            (Some(hit), _) => hit.face,
+            (None, _) => NO_FACE,
+        };
+        self.closest(skin, x)
+            .into_iter()
+            .enumerate()
+            .map(face)
+            .collect()
     }
 
     /// The wall of the `skin` nearest to each vertex of the cloth at `x` [m], however deep the vertex
@@ -346,7 +364,7 @@ mod tests {
         let skin = body.skin(&class.poses[0]);
         let verts: Vec<DVec3> = skin.verts.iter().map(|p| p.as_dvec3()).collect();
         let surface = Surface::new(&verts, body.flesh.rest().faces());
-        let mut faces = body.nearest(&skin, &verts);
+        let mut faces = body.nearest(&skin, &verts, |_| None);
         let mut noise = Noise::new(5);
         let (mut n, mut right) = (0, 0);
         for (p, face) in verts.iter().zip(&mut faces) {

@@ -69,9 +69,14 @@ impl Pack {
         }
     }
 
-    /// Whether the nearest skin is to be looked for anew: often at first, when the cloth moves much.
-    /// Between these looks it is followed from triangle to triangle.
+    /// Whether the nearest skin and cloth are to be looked for: often at first, when the cloth moves much.
+    /// Between these looks skin is followed from triangle to triangle.
     pub fn is_due(&self) -> bool {
-        matches!(self.visits, 0..=2 | 4 | 8) || self.visits.is_multiple_of(16)
+        self.is_new() || self.visits.is_multiple_of(16)
+    }
+
+    /// Whether cloth may still be anywhere.
+    pub fn is_new(&self) -> bool {
+        matches!(self.visits, 0..=2 | 4 | 8)
     }
 }

@@ -100,6 +100,57 @@ impl Class {
     }
 }
 
+/// The shirt on a heavier body, in another fabric, beside the usual one.
+pub struct Other {
+    pub figure: Figure,
+    pub cloth: Cloth,
+    pub template: Vec<DVec3>,
+}
+
+pub const USUAL: [(&str, f64); 2] = [("ln_bend", -11.5), ("chest", 0.9)];
+pub const HEAVY: [(&str, f64); 2] = [("ln_bend", -9.2), ("chest", 1.1)];
+
+impl Other {
+    pub fn new(class: &Class) -> Self {
+        let shape = Shape::default().with("weight", 0.8).expect("a share");
+        let figure = class.avatar.figure(&shape).expect("a body");
+        let recipe = Recipe::Tee(Tee {
+            edge: 0.025,
+            ..Tee::default()
+        });
+        let garment = Garment::make(&class.avatar, &recipe).expect("a shirt");
+        let worn = garment
+            .worn(&class.avatar, &figure, &[])
+            .expect("it can be worn");
+        let mut cloth = class.cloth.clone();
+        cloth.rest = worn.rest;
+        cloth.materials[0].bend.warp *= 10.0;
+        cloth.materials[0].bend.weft *= 10.0;
+        // Stiffer than is taught.
+        cloth.materials[0].stretch.warp = 1e5;
+        Self {
+            figure,
+            cloth,
+            template: worn.verts,
+        }
+    }
+
+    pub fn lessons<'a>(&'a self, class: &'a Class) -> Vec<Lesson<'a>> {
+        let usual = Lesson {
+            traits: &USUAL,
+            ..class.lesson()
+        };
+        let heavy = Lesson {
+            figure: &self.figure,
+            cloth: &self.cloth,
+            template: &self.template,
+            traits: &HEAVY,
+            ..usual
+        };
+        vec![usual, heavy]
+    }
+}
+
 /// A sheet of 4 × 3 vertices, unevenly cut.
 pub fn sheet() -> Cloth {
     let at = |i: u32| {

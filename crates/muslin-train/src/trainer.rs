@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use muslin_body::{Motion, Pose};
-use muslin_model::{Encoder, Model, Reader, Skin, Trait};
+use muslin_model::{Encoder, Model, Reader, Skin};
 use muslin_net::Weights;
 use muslin_net::learn::{AdamState, Mlp, Noise};
 use rayon::prelude::*;
@@ -19,7 +19,7 @@ use crate::pool::thinned;
 use crate::prepare::{drivers, encoder, follow, packs, rescale, standardise};
 use crate::training::{Training, fault, fingerprint, left_out};
 use crate::update::factored;
-use crate::wearer::{Wearer, wearers};
+use crate::wearer::{Wearer, traits, wearers};
 use crate::work::Work;
 
 /// What a pose costs on the mean [J].
@@ -319,7 +319,7 @@ impl Training for Trainer<'_> {
             notes,
             faces: self.wearers[0].lesson.cloth.faces.clone(),
             template: self.wearers[0].template.clone(),
-            traits: traits(&self.wearers),
+            traits: traits(&self.wearers.iter().map(|w| w.lesson).collect::<Vec<_>>()),
             bones: self.bones.clone(),
             skin: self.skin.clone(),
             drivers: self.drivers.clone(),
@@ -338,19 +338,4 @@ impl Training for Trainer<'_> {
     fn restore(&mut self, kept: &Weights) -> Result<(), TrainError> {
         self.go_on(kept)
     }
-}
-
-/// What the network was told, as the first was and from the least to the most.
-fn traits(wearers: &[Wearer<'_>]) -> Vec<Trait> {
-    let of = |k: usize| wearers.iter().map(move |w| w.lesson.traits[k].1 as f32);
-    let one = |(k, (name, value)): (usize, &(&str, f64))| Trait {
-        name: (*name).into(),
-        value: *value as f32,
-        range: [
-            of(k).fold(f32::INFINITY, f32::min),
-            of(k).fold(f32::NEG_INFINITY, f32::max),
-        ],
-    };
-    let first = wearers[0].lesson.traits.iter();
-    first.enumerate().map(one).collect()
 }

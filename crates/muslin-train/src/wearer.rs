@@ -1,6 +1,7 @@
 //! Who wears the cloth that is learnt: everything about a lesson that no step changes.
 
 use muslin_energy::membrane::Stretch;
+use muslin_model::Trait;
 use muslin_sim::Material;
 
 use crate::TrainError;
@@ -69,10 +70,19 @@ pub(crate) fn wearers<'a>(
     lessons: Vec<Lesson<'a>>,
     plan: &Plan,
 ) -> Result<Vec<Wearer<'a>>, TrainError> {
-    let Some(first) = lessons.first().copied() else {
+    of_one_cloth(&lessons)?;
+    let one = |l| Wearer::new(l, plan);
+    lessons.into_iter().map(one).collect()
+}
+
+/// The first lesson, if all are of one cloth on one family of bodies and tell the same traits.
+pub(crate) fn of_one_cloth<'l, 'a>(
+    lessons: &'l [Lesson<'a>],
+) -> Result<&'l Lesson<'a>, TrainError> {
+    let Some(first) = lessons.first() else {
         return Err(TrainError::OtherCloth("there is none"));
     };
-    for l in &lessons {
+    for l in lessons {
         let same = [
             ("triangles", l.cloth.faces == first.cloth.faces),
             ("pins", l.cloth.pins == first.cloth.pins),
@@ -89,8 +99,26 @@ pub(crate) fn wearers<'a>(
             return Err(TrainError::OtherCloth(what));
         }
     }
-    let one = |l| Wearer::new(l, plan);
-    lessons.into_iter().map(one).collect()
+    Ok(first)
+}
+
+/// What the network is told, as the first lesson says and from the least to the most of all.
+pub(crate) fn traits(lessons: &[Lesson<'_>]) -> Vec<Trait> {
+    let of = |k: usize| {
+        lessons
+            .iter()
+            .filter_map(move |l| Some(l.traits.get(k)?.1 as f32))
+    };
+    let one = |(k, (name, value)): (usize, &(&str, f64))| Trait {
+        name: (*name).into(),
+        value: *value as f32,
+        range: [
+            of(k).fold(f32::INFINITY, f32::min),
+            of(k).fold(f32::NEG_INFINITY, f32::max),
+        ],
+    };
+    let first = lessons.first().map_or(&[][..], |l| l.traits);
+    first.iter().enumerate().map(one).collect()
 }
 
 #[cfg(test)]

@@ -118,11 +118,12 @@ impl Trainer<'_> {
         if !pack.is_due() {
             return;
         }
-        let skins = &pack.skins;
+        let (skins, before) = (&pack.skins, &pack.faces);
+        let known = |v: usize, lane: usize| (!pack.is_new()).then(|| before[v][lane]);
         let each = |lane: usize| {
             let one = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
             let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(one).collect();
-            let faces = body.nearest(&skins[lane], &x);
+            let faces = body.nearest(&skins[lane], &x, |v| known(v, lane));
             (faces, folds.find(&x, self.plan.gap))
         };
         let all: Vec<Met> = (0..LANES).into_par_iter().map(each).collect();
@@ -235,13 +236,9 @@ impl Trainer<'_> {
 mod tests {
     use std::sync::LazyLock;
 
-    use muslin_body::{Figure, Shape};
-    use muslin_garment::{Garment, Recipe, Tee};
-    use muslin_sim::Cloth;
-
     use super::*;
-    use crate::testing::Class;
-    use crate::{Lesson, TrainError, Training};
+    use crate::testing::{Class, Other, USUAL};
+    use crate::{TrainError, Training};
 
     static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
 
@@ -253,8 +250,8 @@ mod tests {
     #[test]
     fn the_gradients_are_those_of_the_cost_in_shapes_and_in_the_network() {
         gradients(CLASS.trainer(), 0);
-        let other = Other::new();
-        gradients(CLASS.taught(other.lessons()), 1);
+        let other = Other::new(&CLASS);
+        gradients(CLASS.taught(other.lessons(&CLASS)), 1);
     }
 
     /// The gradients of a pack of the wearer of that number.
@@ -315,61 +312,10 @@ mod tests {
         }
     }
 
-    /// The shirt on a heavier body, in another fabric, beside the usual one.
-    struct Other {
-        figure: Figure,
-        cloth: Cloth,
-        template: Vec<DVec3>,
-    }
-
-    const USUAL: [(&str, f64); 2] = [("ln_bend", -11.5), ("chest", 0.9)];
-    const HEAVY: [(&str, f64); 2] = [("ln_bend", -9.2), ("chest", 1.1)];
-
-    impl Other {
-        fn new() -> Self {
-            let shape = Shape::default().with("weight", 0.8).expect("a share");
-            let figure = CLASS.avatar.figure(&shape).expect("a body");
-            let recipe = Recipe::Tee(Tee {
-                edge: 0.025,
-                ..Tee::default()
-            });
-            let garment = Garment::make(&CLASS.avatar, &recipe).expect("a shirt");
-            let worn = garment
-                .worn(&CLASS.avatar, &figure, &[])
-                .expect("it can be worn");
-            let mut cloth = CLASS.cloth.clone();
-            cloth.rest = worn.rest;
-            cloth.materials[0].bend.warp *= 10.0;
-            cloth.materials[0].bend.weft *= 10.0;
-            // Stiffer than is taught.
-            cloth.materials[0].stretch.warp = 1e5;
-            Self {
-                figure,
-                cloth,
-                template: worn.verts,
-            }
-        }
-
-        fn lessons(&self) -> Vec<Lesson<'_>> {
-            let usual = Lesson {
-                traits: &USUAL,
-                ..CLASS.lesson()
-            };
-            let heavy = Lesson {
-                figure: &self.figure,
-                cloth: &self.cloth,
-                template: &self.template,
-                traits: &HEAVY,
-                ..usual
-            };
-            vec![usual, heavy]
-        }
-    }
-
     #[test]
     fn wearers_share_the_poses_and_the_model_is_of_the_first_and_told_of_all() {
-        let other = Other::new();
-        let mut trainer = CLASS.taught(other.lessons());
+        let other = Other::new(&CLASS);
+        let mut trainer = CLASS.taught(other.lessons(&CLASS));
         let of = |k: usize| trainer.now.packs.iter().filter(|p| p.wearer == k).count();
         assert!(
             of(0).abs_diff(of(1)) <= 1 && of(1) > 0,
@@ -381,7 +327,7 @@ mod tests {
             trainer.step().expect("finite");
         }
         let kept = trainer.keep();
-        let mut again = CLASS.taught(other.lessons());
+        let mut again = CLASS.taught(other.lessons(&CLASS));
         again.restore(&kept).expect("of the same training");
         for t in [&mut trainer, &mut again] {
             while t.steps() < 5 {
@@ -392,7 +338,7 @@ mod tests {
             trainer.keep() == again.keep(),
             "the bits of an unbroken run"
         );
-        let mut changed = other.lessons();
+        let mut changed = other.lessons(&CLASS);
         changed[1].traits = &USUAL;
         let foreign = CLASS.taught(changed).restore(&kept);
         assert!(
@@ -411,8 +357,8 @@ mod tests {
 
     #[test]
     fn lessons_of_other_cloth_or_other_traits_are_refused_by_name() {
-        let other = Other::new();
-        let mut lessons = other.lessons();
+        let other = Other::new(&CLASS);
+        let mut lessons = other.lessons(&CLASS);
         lessons[1].traits = &[];
         let plan = crate::Plan::default();
         let told = |lessons| match Trainer::new(lessons, plan.clone(), CLASS.poses.clone()) {
@@ -422,7 +368,7 @@ mod tests {
         assert!(told(lessons).contains("traits"));
         let mut cloth = other.cloth.clone();
         cloth.pins = vec![1];
-        let mut lessons = other.lessons();
+        let mut lessons = other.lessons(&CLASS);
         lessons[1].cloth = &cloth;
         assert!(told(lessons).contains("pins"));
         assert!(told(Vec::new()).contains("none"));

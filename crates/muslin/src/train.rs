@@ -12,16 +12,15 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
-use muslin_body::{Avatar, Figure, Motion, PHENOTYPES};
+use muslin_body::{Avatar, Figure, Motion};
 use muslin_geom::{Report, Value};
 use muslin_io::{Journal, report_json, write_file, write_weights};
-use muslin_train::published::{Course, Published, System};
+use muslin_train::published::{Published, System};
 use muslin_train::{Told, Trainer, Training};
 
 use crate::animate::read_model;
-use crate::dress::{asked_shape, file_failure};
+use crate::dress::file_failure;
 use crate::failure::Failure;
-use crate::figure::body_failure;
 use crate::hero::{Hero, avatar_of, body_note, standing};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
@@ -149,7 +148,7 @@ impl School<'_, '_> {
         (avatar, class): (&'l Avatar, &'l Class),
         motions: Vec<Motion>,
     ) -> Result<Box<dyn Training + 'l>, Failure> {
-        let mut lessons = class.lessons(avatar);
+        let lessons = class.lessons(avatar);
         let Some(system) = self.options.system else {
             let pool = motions.into_iter().flat_map(|m| m.poses).collect();
             let plan = self.options.plan();
@@ -159,22 +158,8 @@ impl School<'_, '_> {
             };
             return Ok(Box::new(trainer.map_err(|e| failure(&e))?));
         };
-        let course = self.options.course(system);
-        let body = match system {
-            System::Snug => self.shape(avatar)?,
-            System::Pbns | System::Ncs => Vec::new(),
-        };
-        let trainer = Published::new(lessons.swap_remove(0), Course { body, ..course }, motions);
+        let trainer = Published::new(lessons, self.options.course(system), motions);
         Ok(Box::new(trainer.map_err(|e| failure(&e))?))
-    }
-
-    /// The body's shape in numbers.
-    fn shape(&self, avatar: &Avatar) -> Result<Vec<f32>, Failure> {
-        let shape = asked_shape(avatar, &self.options.dress)?;
-        let numbers = PHENOTYPES.iter().map(|p| shape.get(p));
-        let numbers: Result<Vec<f64>, _> = numbers.collect();
-        let numbers = numbers.map_err(|e| body_failure(&e))?;
-        Ok(numbers.into_iter().map(|x| x as f32).collect())
     }
 
     fn teach(

@@ -20,7 +20,8 @@ const ROOM: usize = 512 << 20;
 /// Motions, with skins of poses that were asked for.
 pub(crate) struct Clips {
     pub motions: Vec<Motion>,
-    skins: Mutex<HashMap<Place, Arc<Posed>>>,
+    /// By wearer and place.
+    skins: Mutex<HashMap<(usize, Place), Arc<Posed>>>,
     /// Where each window ends.
     pub windows: Vec<Place>,
 }
@@ -47,15 +48,15 @@ impl Clips {
         &self.motions[clip as usize].poses[pose as usize]
     }
 
-    /// The skins at `places` [m], root over the origin.
+    /// The skins of wearer `who` at `places` [m], root over the origin.
     ///
     /// Nothing is locked while skins are made: that work is shared out, and whoever waited for a
     /// lock inside it could wait for itself.
-    pub fn skins(&self, body: &Skinned, places: &[Place]) -> Vec<Arc<Posed>> {
+    pub fn skins(&self, (who, body): (usize, &Skinned), places: &[Place]) -> Vec<Arc<Posed>> {
         let known = || self.skins.lock().unwrap_or_else(PoisonError::into_inner);
         let mut all: HashMap<Place, Arc<Posed>> = {
             let known = known();
-            let of = |at: &Place| Some((*at, known.get(at)?.clone()));
+            let of = |at: &Place| Some((*at, known.get(&(who, *at))?.clone()));
             places.iter().filter_map(of).collect()
         };
         let mut new: Vec<Place> = places.to_vec();
@@ -71,7 +72,7 @@ impl Clips {
         if known.len() + made.len() > room {
             known.clear();
         }
-        known.extend(made.into_iter().take(room));
+        known.extend((made.into_iter().take(room)).map(|(at, skin)| ((who, at), skin)));
         places.iter().map(|at| all[at].clone()).collect()
     }
 }
@@ -99,12 +100,15 @@ pub(crate) struct Batch {
     /// What the network is told, for every pose (inputs × lanes).
     pub told: Vec<Vec<f32>>,
     pub frames: Vec<Frame>,
+    /// Who wears the cloth in all of them.
+    pub wearer: usize,
     /// `r_t − 2 r_{t−1} + r_{t−2}` of the root over the last poses [m].
     pub root: [Row; 3],
 }
 
 /// Somebody who can be watched: the body, a fresh stream, and the bones that the cloth follows.
 pub(crate) struct Watched<'a> {
+    pub wearer: usize,
     pub body: &'a Skinned<'a>,
     pub stream: &'a Stream,
     pub rig: &'a [usize],
@@ -139,6 +143,7 @@ impl Watched<'_> {
         });
         let lane = |axis: usize| change.map(|c: DVec3| c[axis] as f32);
         Batch {
+            wearer: self.wearer,
             told: (0..told).map(rows).collect(),
             frames: (0..decoded).map(frame).collect(),
             root: [lane(0), lane(1), lane(2)],

@@ -16,6 +16,7 @@ mod state;
 #[cfg(test)]
 mod tests;
 mod trainer;
+mod wearer;
 mod work;
 
 pub use recipe::System;

@@ -11,7 +11,7 @@ use super::work::Work;
 use super::{Course, Published, System};
 use crate::Training;
 use crate::lanes::Row;
-use crate::testing::Class;
+use crate::testing::{Class, HEAVY, Other};
 
 static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
 const ALL: [System; 3] = [System::Pbns, System::Snug, System::Ncs];
@@ -26,16 +26,15 @@ fn trainer(course: Course) -> Published<'static> {
     };
     let course = Course {
         fps: 25.0,
-        body: vec![0.5, 0.1],
         ..course
     };
-    Published::new(lesson, course, vec![motion]).expect("enough poses")
+    Published::new(vec![lesson], course, vec![motion]).expect("enough poses")
 }
 
 /// A batch, and chance that changes nothing.
 fn batch(trainer: &Published) -> Batch {
     let ends = std::array::from_fn(|lane| trainer.clips.windows[(7 * lane) % 17]);
-    trainer.watched().batch(&trainer.clips, ends)
+    trainer.watched(0).batch(&trainer.clips, ends)
 }
 
 fn work(trainer: &Published, batch: &Batch, chance: &Chance) -> Work {
@@ -81,9 +80,9 @@ fn ratio(trainer: &mut Published, batch: &Batch, span: std::ops::Range<usize>) -
 fn the_gradients_are_those_of_the_cost_in_the_network_and_in_the_shapes() {
     for system in ALL {
         let mut trainer = after(3, system);
-        trainer.sheet.pins = vec![3, 7];
+        trainer.wearers[0].sheet.pins = vec![3, 7];
         // Without mass: inertia takes the poses before as they are, and is asked on its own below.
-        trainer.sheet.mass.fill(0.0);
+        trainer.wearers[0].sheet.mass.fill(0.0);
         let batch = batch(&trainer);
         let (n, all) = (trainer.encoder.n_params(), trainer.now.params.len());
         for span in [0..n, n..all] {
@@ -96,7 +95,7 @@ fn the_gradients_are_those_of_the_cost_in_the_network_and_in_the_shapes() {
 #[test]
 fn every_part_of_the_moving_encoder_has_the_slopes_of_the_cost() {
     let mut trainer = after(3, System::Ncs);
-    trainer.sheet.mass.fill(0.0);
+    trainer.wearers[0].sheet.mass.fill(0.0);
     let batch = batch(&trainer);
     let muslin_model::Encoder::Ncs(net) = trainer.encoder.clone() else {
         panic!("a network of NCS")
@@ -112,8 +111,8 @@ fn every_part_of_the_moving_encoder_has_the_slopes_of_the_cost() {
 #[test]
 fn weight_and_inertia_pull_as_their_energies_say_with_the_past_as_it_is() {
     let mut trainer = after(3, System::Snug);
-    trainer.sheet.patches.clear();
-    trainer.sheet.hinges.clear();
+    trainer.wearers[0].sheet.patches.clear();
+    trainer.wearers[0].sheet.hinges.clear();
     let batch = batch(&trainer);
     let first = work(&trainer, &batch, &Chance::default());
     assert!(first.energies.inertia > 1e-6, "{:?}", first.energies);
@@ -125,8 +124,8 @@ fn weight_and_inertia_pull_as_their_energies_say_with_the_past_as_it_is() {
         let entry = |axis: usize| f64::from(w.slopes[rows + axis * codes + codes - 1]);
         DVec3::new(entry(0), entry(1), entry(2))
     };
-    let masses = std::mem::take(&mut trainer.sheet.mass);
-    trainer.sheet.mass = vec![0.0; masses.len()];
+    let masses = std::mem::take(&mut trainer.wearers[0].sheet.mass);
+    trainer.wearers[0].sheet.mass = vec![0.0; masses.len()];
     let own = felt(&first) - felt(&work(&trainer, &batch, &Chance::default()));
     let (mass, rate) = (f64::from(masses[v]), 25.0 * 25.0);
     let places = trainer.positions(&batch, &Chance::default());
@@ -204,12 +203,16 @@ fn a_few_steps_lower_what_a_motion_costs_and_the_model_is_whole() {
 fn a_skin_is_made_once_however_many_ask_for_it() {
     let trainer = trainer(Course::of(System::Pbns));
     let places = [[0, 3], [0, 5], [0, 3]];
-    let first = trainer.clips.skins(&trainer.body, &places);
-    let again = trainer.clips.skins(&trainer.body, &[[0, 5], [0, 6]]);
+    let first = trainer.clips.skins((0, &trainer.wearers[0].body), &places);
+    let again = trainer
+        .clips
+        .skins((0, &trainer.wearers[0].body), &[[0, 5], [0, 6]]);
     assert!(std::sync::Arc::ptr_eq(&first[0], &first[2]));
     assert!(std::sync::Arc::ptr_eq(&first[1], &again[0]));
     for (skin, pose) in first.iter().chain(&again).zip([3, 5, 3, 5, 6]) {
-        let want = trainer.body.skin(&trainer.clips.motions[0].poses[pose]);
+        let want = trainer.wearers[0]
+            .body
+            .skin(&trainer.clips.motions[0].poses[pose]);
         assert!(skin.verts == want.verts && skin.normals == want.normals);
     }
 }
@@ -272,7 +275,7 @@ fn what_is_played_is_what_was_learnt() {
             let bones = CLASS.avatar.bones(&CLASS.figure, pose);
             player.frame(pose, &bones, &mut out);
         }
-        let batch = trainer.watched().batch(&trainer.clips, [[0, 2]; 16]);
+        let batch = trainer.watched(0).batch(&trainer.clips, [[0, 2]; 16]);
         let last = batch.frames.len() - 1;
         let places = trainer.positions(&batch, &Chance::default());
         for (v, got) in out.iter().enumerate() {
@@ -280,6 +283,59 @@ fn what_is_played_is_what_was_learnt() {
             let want = place(&places, (last, 0), v);
             assert!(got.distance(want) < 5e-5, "{system:?} {v}: {got} {want}");
         }
+    }
+}
+
+#[test]
+fn the_recurrent_system_is_told_who_wears_it_and_plays_on_each_of_them() {
+    let other = Other::new(&CLASS);
+    let with = |rate: f32| {
+        let course = Course {
+            fps: 25.0,
+            rate,
+            ..Course::of(System::Snug)
+        };
+        Published::new(other.lessons(&CLASS), course, vec![CLASS.wave()]).expect("enough poses")
+    };
+    let mut trainer = with(2e-4);
+    let told =
+        |w: usize| trainer.watched(w).batch(&trainer.clips, [[0, 5]; 16]).told[0][..32].to_vec();
+    assert!(told(0).iter().all(|x| *x == -1.0) && told(1).iter().all(|x| *x == 1.0));
+    while trainer.steps() < 2 {
+        trainer.step().expect("finite");
+    }
+    let mut again = with(2e-4);
+    again
+        .restore(&trainer.keep())
+        .expect("of the same training");
+    for t in [&mut trainer, &mut again] {
+        while t.steps() < 4 {
+            t.step().expect("finite");
+        }
+    }
+    assert!(
+        trainer.keep() == again.keep(),
+        "the bits of an unbroken run"
+    );
+    let model = trainer.model(Default::default());
+    assert_eq!(model.check(), Ok(()));
+    let mut there = model.told(|name| Some(HEAVY.iter().find(|t| t.0 == name)?.1));
+    there.template = trainer.wearers[1].template.clone();
+    let mut player = muslin_model::Player::new(&there, &CLASS.avatar).expect("its bones");
+    player.begin(1.0 / 25.0);
+    let poses = &trainer.clips.motions[0].poses[..3];
+    let mut out = vec![[0.0; 3]; there.n_verts()];
+    for pose in poses {
+        let bones = CLASS.avatar.bones(&other.figure, pose);
+        player.frame(pose, &bones, &mut out);
+    }
+    let batch = trainer.watched(1).batch(&trainer.clips, [[0, 2]; 16]);
+    let last = batch.frames.len() - 1;
+    let places = trainer.positions(&batch, &Chance::default());
+    for (v, got) in out.iter().enumerate() {
+        let got = DVec3::from_array(got.map(f64::from)) - poses[2].root;
+        let want = place(&places, (last, 0), v);
+        assert!(got.distance(want) < 5e-5, "{v}: {got} {want}");
     }
 }
 

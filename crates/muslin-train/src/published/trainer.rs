@@ -3,19 +3,19 @@
 use std::collections::BTreeMap;
 
 use muslin_body::Motion;
-use muslin_model::{Encoder, Model, Skin, Stream};
+use muslin_model::{Encoder, Model, Skin, Trait};
 use muslin_net::Weights;
 use muslin_net::learn::{Adam, AdamState, Noise};
 
 use super::clips::{Clips, Span, Watched};
 use super::net::{self, Chance};
 use super::recipe::{NCS_WINDOW, System, sizes};
-use super::sheet::Sheet;
-use crate::body::Skinned;
+use super::wearer::Wearer;
 use crate::lanes::LANES;
 use crate::lesson::Lesson;
 use crate::prepare::{drivers, follow};
 use crate::training::{Training, fault, fingerprint, left_out};
+use crate::wearer::{of_one_cloth, traits};
 use crate::{Told, TrainError};
 
 /// How a published system is taught. The defaults are the published ones.
@@ -33,8 +33,6 @@ pub struct Course {
     pub layers: usize,
     /// NCS: share of a batch whose motions change places, from which the decoder alone learns.
     pub augmented: f64,
-    /// What SNUG is told of the body's shape.
-    pub body: Vec<f32>,
     /// Where random numbers start.
     pub seed: u64,
 }
@@ -49,7 +47,6 @@ impl Course {
             rate: 1e-3,
             layers: 4,
             augmented: 0.2,
-            body: Vec::new(),
             seed: 1,
         }
     }
@@ -84,17 +81,15 @@ impl Course {
 
 /// A published system that learns.
 pub struct Published<'a> {
-    pub(crate) lesson: Lesson<'a>,
+    /// Those that wear the cloth; models are of the first.
+    pub(crate) wearers: Vec<Wearer<'a>>,
     pub(crate) course: Course,
-    pub(crate) body: Skinned<'a>,
     pub(crate) clips: Clips,
-    pub(crate) sheet: Sheet,
     pub(crate) skin: Skin,
-    pub(crate) template: Vec<[f32; 3]>,
     pub(crate) encoder: Encoder,
+    traits: Vec<Trait>,
     bones: Vec<String>,
     drivers: Vec<String>,
-    stream: Stream,
     rig: Vec<usize>,
     pub(crate) now: Now,
 }
@@ -114,11 +109,12 @@ pub(crate) struct Now {
 }
 
 impl<'a> Published<'a> {
-    /// Gets ready to learn from `motions`, brought to the course's rate where they have another.
+    /// Gets ready to learn from `motions`, brought to the course's rate where they have another. Every batch is of
+    /// one of the `lessons`, which are of one cloth and differ in the body and its traits: SNUG is told those.
     ///
     /// All learnt shapes start at zero, so that the first prediction is the skinned garment.
     pub fn new(
-        lesson: Lesson<'a>,
+        lessons: Vec<Lesson<'a>>,
         course: Course,
         motions: Vec<Motion>,
     ) -> Result<Self, TrainError> {
@@ -128,17 +124,18 @@ impl<'a> Published<'a> {
             return Err(TrainError::FewPoses(clips.windows.len(), LANES));
         }
         let recipe = course.system.recipe();
-        let sheet = Sheet::new(recipe, lesson.cloth, lesson.template)?;
+        let traits = traits(&lessons);
+        let lesson = *of_one_cloth(&lessons)?;
         let (rig, skin) = follow(&lesson)?;
         let name = |b: &usize| lesson.avatar.rig().bones[*b].name.clone();
         let driving = drivers(&lesson, clips.motions.iter().flat_map(|m| &m.poses));
         let joint = |b: &usize| lesson.figure.joints[*b].as_vec3().to_array();
         let joints = driving.iter().map(joint).collect();
-        let shape = (joints, course.body.clone(), course.layers);
-        let encoder = net::encoder(course.system, shape);
+        let body = traits.iter().map(Trait::level).collect();
+        let encoder = net::encoder(course.system, (joints, body, course.layers));
         let drivers: Vec<String> = driving.iter().map(name).collect();
-        let mut stream = Stream::new(&encoder, &drivers, lesson.avatar)?;
-        stream.begin(1.0 / course.fps);
+        let wearer = |lesson| Wearer::new(lesson, &course, (&encoder, &traits, &drivers));
+        let wearers: Result<Vec<_>, TrainError> = lessons.into_iter().map(wearer).collect();
         let mut noise = Noise::new(course.seed);
         let mut params = net::start(&encoder, &mut noise);
         let codes = encoder.n_codes() + usize::from(recipe.has_constant);
@@ -152,19 +149,14 @@ impl<'a> Published<'a> {
                 queue: Vec::new(),
                 bad: 0,
             },
-            body: Skinned::new((lesson.avatar, lesson.figure), lesson.template),
             bones: rig.iter().map(name).collect(),
-            template: (lesson.template.iter())
-                .map(|p| p.as_vec3().to_array())
-                .collect(),
-            lesson,
+            wearers: wearers?,
             course,
             clips,
-            sheet,
             skin,
             encoder,
+            traits,
             drivers,
-            stream,
             rig,
         })
     }
@@ -176,16 +168,22 @@ impl<'a> Published<'a> {
 
     /// What the bits of the training depend on, in one line.
     pub(crate) fn identity(&self) -> String {
-        let poses = self.clips.motions.iter().flat_map(|m| &m.poses);
         let course = &self.course;
-        format!("{} {course:?}", fingerprint(&self.lesson, poses))
+        // The poses are the same for all.
+        let one = |(k, w): (usize, &Wearer<'_>)| {
+            let motions = if k == 0 { &self.clips.motions[..] } else { &[] };
+            fingerprint(&w.lesson, motions.iter().flat_map(|m| &m.poses))
+        };
+        let all: Vec<String> = self.wearers.iter().enumerate().map(one).collect();
+        format!("{} {course:?}", all.join(" "))
     }
 
-    /// Windows ready to be worked on.
-    pub(crate) fn watched(&self) -> Watched<'_> {
+    /// Windows of a wearer ready to be worked on.
+    pub(crate) fn watched(&self, wearer: usize) -> Watched<'_> {
         Watched {
-            body: &self.body,
-            stream: &self.stream,
+            wearer,
+            body: &self.wearers[wearer].body,
+            stream: &self.wearers[wearer].stream,
             rig: &self.rig,
             n_inputs: self.encoder.n_inputs(self.drivers.len()),
             span: self.course.span(),
@@ -202,6 +200,14 @@ impl<'a> Published<'a> {
         }
         let lot = now.queue.split_off(now.queue.len() - LANES);
         std::array::from_fn(|lane| self.clips.windows[lot[lane] as usize])
+    }
+
+    /// Who wears it in the next batch.
+    fn wearer(&mut self) -> usize {
+        match self.wearers.len() {
+            1 => 0,
+            n => self.now.noise.below(n),
+        }
     }
 
     fn chance(&mut self) -> Chance {
@@ -247,7 +253,8 @@ impl Training for Published<'_> {
     fn step(&mut self) -> Result<Told, TrainError> {
         let ends = self.choose();
         let chance = self.chance();
-        let batch = self.watched().batch(&self.clips, ends);
+        let wearer = self.wearer();
+        let batch = self.watched(wearer).batch(&self.clips, ends);
         let work = self.work((&self.clips, &batch), &chance);
         self.now.step += 1;
         let told = Told {
@@ -276,7 +283,7 @@ impl Training for Published<'_> {
             return Told::default();
         }
         let ends = std::array::from_fn(|lane| clips.windows[lane * n / LANES]);
-        let batch = self.watched().batch(&clips, ends);
+        let batch = self.watched(0).batch(&clips, ends);
         let work = self.work((&clips, &batch), &Chance::default());
         Told {
             step: self.now.step,
@@ -296,8 +303,8 @@ impl Training for Published<'_> {
         }
         Model {
             notes,
-            faces: self.lesson.cloth.faces.clone(),
-            template: self.template.clone(),
+            faces: self.wearers[0].lesson.cloth.faces.clone(),
+            template: self.wearers[0].template.clone(),
             bones: self.bones.clone(),
             skin: self.skin.clone(),
             drivers: self.drivers.clone(),
@@ -305,7 +312,10 @@ impl Training for Published<'_> {
             encoder: self.encoder.clone(),
             params: network.to_vec(),
             modes,
-            traits: Vec::new(),
+            traits: match self.encoder {
+                Encoder::Snug(_) => self.traits.clone(),
+                Encoder::Plain(_) | Encoder::Pbns(_) | Encoder::Ncs(_) => Vec::new(),
+            },
             sway: None,
         }
     }

@@ -9,8 +9,10 @@ use rayon::prelude::*;
 use super::clips::{Batch, Clips, Frame, Place};
 use super::laws;
 use super::net::{self, Chance, Tape};
+use super::sheet::Sheet;
 use super::trainer::Published;
-use crate::body::Posed;
+use super::wearer::Wearer;
+use crate::body::{Posed, Skinned};
 use crate::lanes::{LANES, Lane, Row, Vec3};
 use crate::laws::G;
 use crate::skin;
@@ -65,9 +67,15 @@ impl Published<'_> {
         let first = batch.frames.len() - recipe.judged;
         let judged = &batch.frames[first..];
         let places: Vec<Place> = judged.iter().flat_map(|f| f.at).collect();
-        let skins = clips.skins(&self.body, &places);
+        let wearer = &self.wearers[batch.wearer];
+        let skins = clips.skins((batch.wearer, &wearer.body), &places);
         let mut asked: Vec<Asked> = (skins.par_chunks(LANES).enumerate())
-            .map(|(k, skins)| self.ask(skins, (&guess.x[first + k], &guess.rest[first + k])))
+            .map(|(k, skins)| {
+                self.ask(
+                    (wearer, skins),
+                    (&guess.x[first + k], &guess.rest[first + k]),
+                )
+            })
             .collect();
         let share = 1.0 / recipe.judged as f64;
         let mut work = Work::default();
@@ -97,7 +105,8 @@ impl Published<'_> {
         if self.course.system.recipe().has_constant {
             codes.iter_mut().for_each(|c| c.extend([1.0; LANES]));
         }
-        let (rows, k) = (3 * self.template.len(), codes[0].len() / LANES);
+        let template = &self.wearers[batch.wearer].template;
+        let (rows, k) = (3 * template.len(), codes[0].len() / LANES);
         let shaped = |codes: &Vec<f32>| {
             let mut d = vec![[0.0; LANES]; rows];
             let (modes, codes) = (View::new(modes, rows, k), View::new(codes, k, LANES));
@@ -106,7 +115,7 @@ impl Published<'_> {
         };
         let rest: Vec<Vec<Row>> = codes.iter().map(shaped).collect();
         let x = (rest.par_iter().zip(&batch.frames))
-            .map(|(d, frame)| self.carry(frame, d))
+            .map(|(d, frame)| self.carry((frame, template), d))
             .collect();
         Guess {
             codes,
@@ -127,7 +136,7 @@ impl Published<'_> {
         let (network, modes) = self.now.params.split_at(self.encoder.n_params());
         let (d_network, d_modes) = slopes.split_at_mut(network.len());
         let first = guess.codes.len() - frames.len();
-        let (rows, k) = (3 * self.template.len(), guess.codes[0].len() / LANES);
+        let (rows, k) = (guess.x[0].len(), guess.codes[0].len() / LANES);
         let mut d_codes = Vec::new();
         for ((a, frame), codes) in asked.iter_mut().zip(frames).zip(&guess.codes[first..]) {
             pulp::Arch::new().dispatch(
@@ -156,14 +165,14 @@ impl Published<'_> {
     }
 
     /// From corrections at rest to positions in the poses.
-    fn carry(&self, frame: &Frame, d: &[Row]) -> Vec<Row> {
+    fn carry(&self, (frame, template): (&Frame, &[[f32; 3]]), d: &[Row]) -> Vec<Row> {
         let mut x = vec![[0.0; LANES]; d.len()];
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || {
-                for v in 0..self.template.len() {
+                for (v, t) in template.iter().enumerate() {
                     let a = skin::blend(&self.skin, v, &frame.bones);
-                    let (t, d) = (self.template[v], Vec3::of(d, v as u32));
+                    let d = Vec3::of(d, v as u32);
                     let p = Vec3([0, 1, 2].map(|i| d.0[i] + t[i]));
                     skin::carry(&a, p).put(&mut x, v as u32);
                 }
@@ -175,7 +184,7 @@ impl Published<'_> {
     /// From a gradient in the world to one in the rest frame, in place.
     #[inline(always)]
     fn bring_back(&self, frame: &Frame, asked: &mut Asked) {
-        for v in 0..self.template.len() as u32 {
+        for v in 0..(asked.g.len() / 3) as u32 {
             let a = skin::blend(&self.skin, v as usize, &frame.bones);
             skin::bring_back(&a, Vec3::of(&asked.g, v)).put(&mut asked.g, v);
         }
@@ -185,23 +194,27 @@ impl Published<'_> {
     }
 
     /// The still laws at positions `x`, which come of the corrections `d`.
-    fn ask(&self, skins: &[Arc<Posed>], (x, d): (&[Row], &[Row])) -> Asked {
-        let walls = self.walls(skins, x);
+    fn ask(
+        &self,
+        (wearer, skins): (&Wearer<'_>, &[Arc<Posed>]),
+        (x, d): (&[Row], &[Row]),
+    ) -> Asked {
+        let walls = walls(&wearer.body, skins, x);
         pulp::Arch::new().dispatch(
             #[inline(always)]
-            || self.sum(&walls, x, d),
+            || self.sum((&wearer.sheet, &walls), x, d),
         )
     }
 
     #[inline(always)]
-    fn sum(&self, walls: &[[Row; 4]], x: &[Row], d: &[Row]) -> Asked {
-        let (recipe, sheet) = (self.course.system.recipe(), &self.sheet);
+    fn sum(&self, (sheet, walls): (&Sheet, &[[Row; 4]]), x: &[Row], d: &[Row]) -> Asked {
+        let recipe = self.course.system.recipe();
         let mut g = vec![[0.0; LANES]; x.len()];
         let stretch = laws::stretch(recipe, sheet, x, &mut g);
         let bend = laws::bend(recipe, sheet, x, &mut g);
         let [mut weight, mut contact, mut pins] = [Lane::all(0.0); 3];
         let mut under = Lane::all(0.0);
-        for v in 0..self.template.len() {
+        for v in 0..x.len() / 3 {
             let here = Vec3::of(x, v as u32);
             let mut force = Vec3::of(&g, v as u32);
             let heavy = sheet.mass[v] * G;
@@ -232,22 +245,10 @@ impl Published<'_> {
                 pins: mean(pins),
                 inertia: 0.0,
             },
-            under: mean(under) / self.template.len() as f64,
+            under: mean(under) / (x.len() / 3) as f64,
             g,
             held,
         }
-    }
-
-    /// The wall at every vertex: normal and offset of the nearest skin, by exact distance.
-    fn walls(&self, skins: &[Arc<Posed>], x: &[Row]) -> Vec<[Row; 4]> {
-        let one = |lane: usize| {
-            let place = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
-            let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(place).collect();
-            self.body.walls(&skins[lane], &x)
-        };
-        let lanes: Vec<Vec<[f32; 4]>> = (0..LANES).into_par_iter().map(one).collect();
-        let of = |v: usize| [0, 1, 2, 3].map(|c| std::array::from_fn(|l| lanes[l][v][c]));
-        (0..self.template.len()).map(of).collect()
     }
 
     /// `m/(2 Δt²) |x_t − (2 x_{t−1} − x_{t−2})|²` [J], the poses before taken as they are; adds its
@@ -261,15 +262,28 @@ impl Published<'_> {
         let [two, one, now] = [3, 2, 1].map(|back| &x[x.len() - back]);
         let root = Vec3(batch.root.map(Lane));
         let mut energy = Lane::all(0.0);
-        for v in 0..self.template.len() as u32 {
+        let mass = &self.wearers[batch.wearer].sheet.mass;
+        for v in 0..mass.len() as u32 {
             let (a, b, c) = (Vec3::of(two, v), Vec3::of(one, v), Vec3::of(now, v));
             let change = ((c - b) - (b - a) + root).times(counts);
-            let k = self.sheet.mass[v as usize] * rate;
+            let k = mass[v as usize] * rate;
             energy += change.dot(change) * (0.5 * k);
             (change * (k / counted)).add_to(g, v);
         }
         energy.sum() / f64::from(counted)
     }
+}
+
+/// The wall at every vertex: normal and offset of the nearest skin, by exact distance.
+fn walls(body: &Skinned<'_>, skins: &[Arc<Posed>], x: &[Row]) -> Vec<[Row; 4]> {
+    let one = |lane: usize| {
+        let place = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
+        let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(place).collect();
+        body.walls(&skins[lane], &x)
+    };
+    let lanes: Vec<Vec<[f32; 4]>> = (0..LANES).into_par_iter().map(one).collect();
+    let of = |v: usize| [0, 1, 2, 3].map(|c| std::array::from_fn(|l| lanes[l][v][c]));
+    (0..x.len() / 3).map(of).collect()
 }
 
 /// The first vertex that is not finite.

@@ -92,7 +92,7 @@ impl Class {
             if options.any_fabric {
                 traits.extend(traits::of_fabric(&fabric));
             }
-            if options.any_shape {
+            if options.any_shape || options.system == Some(System::Snug) {
                 traits.extend(traits::of_wearer(&avatar.measure(&figure)));
             }
             if options.any_size {

@@ -117,7 +117,11 @@ impl TrainOptions {
         let ours = "our own network";
         let wrong = [
             ("--fabric", self.any_fabric && self.system.is_some(), ours),
-            ("--shape", self.any_shape && self.system.is_some(), ours),
+            (
+                "--shape",
+                self.any_shape && self.system.is_some() && !is(System::Snug),
+                "our own network and snug",
+            ),
             ("--from", self.from.is_some() && self.system.is_some(), ours),
             ("--sizes", self.any_size && self.system.is_some(), ours),
             (
