@@ -177,7 +177,7 @@ impl<'a> Trainer<'a> {
             }
             None => standardise(&mut packs),
         };
-        let elastic = Elastic::new(&wearers, 1.0);
+        let elastic = Elastic::new(&wearers, if model.is_some() { 0.0 } else { 1.0 });
         let n = lesson.template.len();
         let walls = vec![[0.0; 6]; n];
         let k = plan.codes;
