@@ -122,6 +122,7 @@ fn model((n, codes, width): (usize, usize, usize), swings: usize) -> Model {
                 .collect(),
             masses: vec![0.2 / SAMPLES as f32; SAMPLES],
             means: noise.normals(3 * SAMPLES * swings),
+            ..Sway::default()
         }),
     }
 }

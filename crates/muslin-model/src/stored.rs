@@ -127,6 +127,18 @@ impl Model {
             add("sway.damping", &[k], list(&s.damping));
             add("sway.samples", &[m], Numbers::U32(s.samples.clone()));
             add("sway.masses", &[m], list(&s.masses));
+            if !s.walls.is_empty() {
+                add(
+                    "sway.walls",
+                    &[s.walls.len()],
+                    Numbers::U32(s.walls.clone()),
+                );
+                add(
+                    "sway.rooms",
+                    &[s.walls.len(), 4],
+                    list(s.rooms.as_flattened()),
+                );
+            }
         }
         out
     }
@@ -331,6 +343,14 @@ impl<'a> From<'a> {
             damping: self.f32s("sway.damping")?,
             samples: self.u32s("sway.samples")?.to_vec(),
             masses: self.f32s("sway.masses")?,
+            walls: match self.weights.arrays.contains_key("sway.walls") {
+                true => self.u32s("sway.walls")?.to_vec(),
+                false => Vec::new(),
+            },
+            rooms: match self.weights.arrays.contains_key("sway.rooms") {
+                true => self.f32s("sway.rooms")?.as_chunks::<4>().0.to_vec(),
+                false => Vec::new(),
+            },
         }))
     }
 

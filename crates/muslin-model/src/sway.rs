@@ -21,6 +21,10 @@ pub struct Sway {
     pub masses: Vec<f32>,
     /// Its mean share in the swings: like `shapes`, for every coordinate of every sample a row.
     pub means: Vec<f32>,
+    /// Vertices that the skin below them holds back.
+    pub walls: Vec<u32>,
+    /// Of each of them the way out of the skin, around the body at rest, and how far it may swing the other way [m].
+    pub rooms: Vec<[f32; 4]>,
 }
 
 /// Swings at most: playing them inverts a matrix of this size.
@@ -53,6 +57,12 @@ impl Sway {
             && self.damping.len() == k
             && self.masses.len() == m
             && self.samples.iter().all(|v| (*v as usize) < n)
+            && self.rooms.len() == self.walls.len()
+            && self.walls.iter().all(|v| (*v as usize) < n)
+            && self
+                .rooms
+                .iter()
+                .all(|r| r.iter().all(|x| x.is_finite()) && r[3] >= 0.0)
             && all.iter().all(|a| a.iter().all(|x| x.is_finite()))
             && [&self.stiffness, &self.damping, &self.masses]
                 .iter()

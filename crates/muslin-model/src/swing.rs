@@ -18,6 +18,7 @@ pub(crate) struct Swing {
     means: Vec<f32>,
     damping: Vec<f32>,
     stiffness: Vec<f32>,
+    walls: Walls,
     /// Seconds from frame to frame, and the inverse of the system for that, by rows.
     step: f32,
     inverse: Vec<f32>,
@@ -32,6 +33,69 @@ pub(crate) struct Swing {
     right: Vec<f32>,
     /// How much of the swing is shown.
     pub level: f32,
+}
+
+/// Skin that holds cloth back, in the frame of the bones it follows: `aᵀ q ≥ -room`.
+#[derive(Clone, Debug, Default)]
+struct Walls {
+    /// `a` of every wall, one entry per code: the way out of the skin times the vertex's swings.
+    ways: Vec<f32>,
+    rooms: Vec<f32>,
+    /// `A⁻¹ a`, with `A` the system of a step, and `1 / aᵀ A⁻¹ a`.
+    pushes: Vec<f32>,
+    gains: Vec<f32>,
+}
+
+/// Rounds over the walls in a step.
+const ROUNDS: usize = 3;
+
+impl Walls {
+    fn new(sway: &Sway) -> Self {
+        let k = sway.len();
+        let mut ways = Vec::with_capacity(sway.walls.len() * k);
+        for (v, [x, y, z, _]) in sway.walls.iter().zip(&sway.rooms) {
+            let rows = &sway.shapes[3 * *v as usize * k..][..3 * k];
+            ways.extend((0..k).map(|c| x * rows[c] + y * rows[k + c] + z * rows[2 * k + c]));
+        }
+        Self {
+            pushes: vec![0.0; ways.len()],
+            gains: vec![0.0; sway.walls.len()],
+            rooms: sway.rooms.iter().map(|r| r[3]).collect(),
+            ways,
+        }
+    }
+
+    /// Gets ready for steps of that inverse system.
+    fn ready(&mut self, inverse: &[f32], k: usize) {
+        let pushes = self
+            .pushes
+            .chunks_exact_mut(k)
+            .zip(self.ways.chunks_exact(k));
+        for ((push, way), gain) in pushes.zip(&mut self.gains) {
+            for (p, row) in push.iter_mut().zip(inverse.chunks_exact(k)) {
+                *p = dot(row, way);
+            }
+            *gain = 1.0 / dot(push, way).max(f32::MIN_POSITIVE);
+        }
+    }
+
+    /// Codes that leave all of them in front of the skin, as far as a few rounds get.
+    #[inline(always)]
+    fn hold(&self, q: &mut [f32]) {
+        let k = q.len();
+        for _ in 0..ROUNDS {
+            for (w, (way, push)) in (self.ways.chunks_exact(k))
+                .zip(self.pushes.chunks_exact(k))
+                .enumerate()
+            {
+                let behind = -self.rooms[w] - dot(way, q);
+                if behind > 0.0 {
+                    let by = behind * self.gains[w];
+                    q.iter_mut().zip(push).for_each(|(q, p)| *q += by * p);
+                }
+            }
+        }
+    }
 }
 
 /// A point that stands for the cloth around it.
@@ -68,6 +132,7 @@ impl Swing {
             means: sway.means.clone(),
             damping: sway.damping.clone(),
             stiffness: sway.stiffness.clone(),
+            walls: Walls::new(sway),
             step: 0.0,
             inverse: vec![0.0; k * k],
             seen: 0,
@@ -108,6 +173,7 @@ impl Swing {
         }
         let inverse = inverse(a, k);
         (self.inverse.iter_mut().zip(inverse)).for_each(|(to, x)| *to = x as f32);
+        self.walls.ready(&self.inverse, k);
     }
 
     /// The codes of the next frame, where the pose mixes shapes by `z` and bones stand so.
@@ -181,6 +247,7 @@ impl Swing {
         for (q, row) in q1.iter_mut().zip(self.inverse.chunks_exact(k)) {
             *q = row.iter().zip(&self.right).map(|(a, b)| a * b).sum();
         }
+        self.walls.hold(q1);
         let [now, before] = &mut self.past;
         for (i, rows) in rows.enumerate() {
             let (y, turn) = &self.here[i];
@@ -197,15 +264,20 @@ impl Swing {
 fn mixed(rows: &[f32], codes: &[f32]) -> Vec3A {
     let mut out = [0.0f32; 3];
     for (out, row) in out.iter_mut().zip(rows.chunks_exact(codes.len())) {
-        let mut sums = [0.0f32; 8];
-        let (rows, codes) = (row.as_chunks::<8>(), codes.as_chunks::<8>());
-        for (r, c) in rows.0.iter().zip(codes.0) {
-            (0..8).for_each(|i| sums[i] += r[i] * c[i]);
-        }
-        let rest = rows.1.iter().zip(codes.1).map(|(r, c)| r * c);
-        *out = sums.iter().sum::<f32>() + rest.sum::<f32>();
+        *out = dot(row, codes);
     }
     Vec3A::from_array(out)
+}
+
+#[inline(always)]
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0f32; 8];
+    let (a, b) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    for (r, c) in a.0.iter().zip(b.0) {
+        (0..8).for_each(|i| sums[i] += r[i] * c[i]);
+    }
+    let rest = a.1.iter().zip(b.1).map(|(r, c)| r * c);
+    sums.iter().sum::<f32>() + rest.sum::<f32>()
 }
 
 /// The inverse of a symmetric positive definite matrix, by rows: Gauss and Jordan.

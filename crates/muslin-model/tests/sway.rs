@@ -35,6 +35,7 @@ fn model() -> Model {
         samples: vec![3, 11, 20],
         masses: vec![0.02, 0.03, 0.04],
         means: noise.normals(3 * 3 * SWINGS),
+        ..Sway::default()
     };
     Model {
         notes: Default::default(),
@@ -298,4 +299,33 @@ fn a_stored_model_swings_alike_and_parts_that_do_not_fit_are_refused() {
         spoil(other.sway.as_mut().expect("it swings"));
         assert!(Model::from_weights(&other.to_weights()).is_err());
     }
+}
+
+#[test]
+fn cloth_swings_no_farther_into_the_skin_than_there_is_room_and_the_file_keeps_that() {
+    let body = Body::new();
+    let free = model();
+    let poses = body.poses("run");
+    let (v, out, room) = (7usize, DVec3::new(0.6, 0.0, 0.8), 1e-3f32);
+    let mut held = free.clone();
+    let sway = held.sway.as_mut().expect("it swings");
+    sway.walls = vec![v as u32];
+    sway.rooms = vec![[0.6, 0.0, 0.8, room]];
+    let held = Model::from_weights(&held.to_weights()).expect("a sound model");
+    let rest = body.play(&still(&held), &poses, 1.0);
+    let deepest = |model: &Model| {
+        let swung = body.play(model, &poses, 1.0);
+        let one = |(f, pose): (usize, &Pose)| {
+            let bones = body.avatar.bones(&body.figure, pose);
+            let back = body.turn(model, v, &bones).inverse();
+            (back * (swung[f][v] - rest[f][v])).dot(out)
+        };
+        poses.iter().enumerate().map(one).fold(0.0, f64::min)
+    };
+    let (without, with) = (deepest(&free), deepest(&held));
+    assert!(without < -5.0 * f64::from(room), "{without}");
+    assert!(with > -1.1 * f64::from(room), "{with}");
+    let mut bent = held.clone();
+    bent.sway.as_mut().expect("it swings").rooms[0][3] = -0.1;
+    assert!(bent.check().is_err());
 }

@@ -41,7 +41,7 @@ mod work;
 pub use error::TrainError;
 pub use lesson::{Lesson, Plan};
 pub use pool::{mixed, sampled, thinned};
-pub use sway::sway;
+pub use sway::{hold_back, sway};
 pub use trainer::{Energies, Told, Trainer};
 pub use training::Training;
 pub use weights::diffused;

@@ -6,6 +6,7 @@
 
 use glam::DVec3;
 use muslin_energy::check::eigen;
+use muslin_geom::Surface;
 use muslin_model::Sway;
 use muslin_net::learn::Noise;
 use muslin_sim::Hanging;
@@ -53,6 +54,27 @@ pub fn sway(hanging: &Hanging) -> Option<Sway> {
     };
     stand_for(&mut out, hanging);
     Some(out)
+}
+
+/// Vertices that skin holds back, at most.
+const WALLS: usize = 400;
+/// Cloth farther from the skin than this is not held back [m], and how near it may come.
+const FAR: f64 = 0.06;
+const NEAR: f64 = 0.002;
+
+/// Holds the swings of cloth that hangs at `verts` [m] back from the `skin` of the body at rest.
+///
+/// Cloth and the skin below it follow the same bones, so that what is in front of it at rest stays there.
+pub fn hold_back(sway: &mut Sway, verts: &[DVec3], skin: &Surface) {
+    for v in spread(verts, WALLS.min(verts.len())) {
+        let Some(hit) = skin.closest(verts[v as usize], FAR) else {
+            continue;
+        };
+        let n = hit.normal.as_vec3();
+        sway.walls.push(v);
+        sway.rooms
+            .push([n.x, n.y, n.z, (hit.signed - NEAR).max(0.0) as f32]);
+    }
 }
 
 /// Chooses points that stand for the cloth around them.

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use muslin_body::{Avatar, Cores, Figure, Pose};
+use muslin_geom::Surface;
 use muslin_model::{Encoder, Model, Sway};
 use muslin_sim::{Cloth, Options, hang};
 
@@ -45,5 +46,8 @@ pub(crate) fn swings(
     };
     let hanging = hang(cloth, start, (&body, avatar.collision_faces()), &options);
     let hanging = hanging.map_err(|e| Failure::new(Exit::Numbers, "swings", e.to_string()))?;
-    Ok(muslin_train::sway(&hanging))
+    let mut sway = muslin_train::sway(&hanging);
+    let skin = Surface::new(&body.skin, avatar.collision_faces());
+    (sway.iter_mut()).for_each(|s| muslin_train::hold_back(s, &hanging.verts, &skin));
+    Ok(sway)
 }
