@@ -87,7 +87,7 @@ const KEPT: (f64, f64) = (0.5, 2.0);
 
 /// Meshes a piece evenly, unless its triangles are near the asked size.
 fn even(piece: Mesh, edge: f64, warnings: &mut Vec<String>) -> Even {
-    let mean = mean_edge(&piece);
+    let mean = mean_edge(&piece.verts, &piece.faces);
     if (KEPT.0..KEPT.1).contains(&(mean / edge)) {
         return Even(piece);
     }
@@ -99,17 +99,17 @@ fn even(piece: Mesh, edge: f64, warnings: &mut Vec<String>) -> Even {
     Even(remesh(&piece, RemeshOptions { edge, rounds: 8 }).mesh)
 }
 
-fn mean_edge(mesh: &Mesh) -> f64 {
+/// Mean length of the triangles' sides.
+pub(crate) fn mean_edge(verts: &[DVec3], faces: &[[u32; 3]]) -> f64 {
     let length = |f: &[u32; 3], k: usize| {
         let (a, b) = (f[k] as usize, f[(k + 1) % 3] as usize);
-        mesh.verts[a].distance(mesh.verts[b])
+        verts[a].distance(verts[b])
     };
-    let sum: f64 = mesh
-        .faces
+    let sum: f64 = faces
         .iter()
         .map(|f| (0..3).map(|k| length(f, k)).sum::<f64>())
         .sum();
-    sum / (3 * mesh.faces.len()).max(1) as f64
+    sum / (3 * faces.len()).max(1) as f64
 }
 
 /// An even mesh around the posed body.

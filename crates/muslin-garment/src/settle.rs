@@ -1,5 +1,6 @@
 //! Settling: a garment's mesh slid evenly over its form.
 
+use crate::fitting::mean_edge;
 use crate::form::{Form, Near};
 use glam::DVec3;
 use muslin_geom::{Mesh, self_intersections};
@@ -188,13 +189,7 @@ impl Net {
         for i in (crossing.as_flattened().iter()).flat_map(|f| self.faces[*f as usize]) {
             loose[i as usize] = true;
         }
-        let sides = || {
-            self.faces
-                .iter()
-                .flat_map(|f| [[f[0], f[1]], [f[1], f[2]], [f[2], f[0]]])
-        };
-        let length = |[i, j]: [u32; 2]| x[i as usize].distance(x[j as usize]);
-        let edge = sides().map(length).sum::<f64>() / sides().count().max(1) as f64;
+        let edge = mean_edge(x, &self.faces);
         for _ in 0..(reach / edge.max(1e-4)).ceil() as usize {
             let inner = loose.clone();
             for (i, _) in inner.iter().enumerate().filter(|(_, l)| **l) {

@@ -41,11 +41,16 @@ pub struct Trait {
 }
 
 impl Trait {
-    /// From -1, the least that was taught, to 1, the most; 0 where nothing else was.
+    /// How its value stands: see [`Trait::level_of`].
     pub fn level(&self) -> f32 {
+        self.level_of(self.value)
+    }
+
+    /// From -1, the least that was taught, to 1, the most; 0 where nothing else was.
+    pub fn level_of(&self, value: f32) -> f32 {
         let [least, most] = self.range;
         match most > least {
-            true => (2.0 * self.value - least - most) / (most - least),
+            true => (2.0 * value - least - most) / (most - least),
             false => 0.0,
         }
     }

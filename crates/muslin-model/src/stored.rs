@@ -336,6 +336,13 @@ impl<'a> From<'a> {
         if !self.weights.arrays.contains_key("sway.shapes") {
             return Ok(None);
         }
+        let (walls, rooms) = match self.weights.arrays.contains_key("sway.walls") {
+            true => (
+                self.u32s("sway.walls")?.to_vec(),
+                self.f32s("sway.rooms")?.as_chunks::<4>().0.to_vec(),
+            ),
+            false => Default::default(),
+        };
         Ok(Some(Sway {
             shapes: unstepped(self.bytes("sway.shapes")?, &self.f32s("sway.steps")?),
             means: self.f32s("sway.means")?,
@@ -343,14 +350,8 @@ impl<'a> From<'a> {
             damping: self.f32s("sway.damping")?,
             samples: self.u32s("sway.samples")?.to_vec(),
             masses: self.f32s("sway.masses")?,
-            walls: match self.weights.arrays.contains_key("sway.walls") {
-                true => self.u32s("sway.walls")?.to_vec(),
-                false => Vec::new(),
-            },
-            rooms: match self.weights.arrays.contains_key("sway.rooms") {
-                true => self.f32s("sway.rooms")?.as_chunks::<4>().0.to_vec(),
-                false => Vec::new(),
-            },
+            walls,
+            rooms,
         }))
     }
 

@@ -18,6 +18,8 @@ pub struct Elastic {
     matrix: Matrix,
     /// Where each vertex's diagonal block is.
     diagonal: Vec<usize>,
+    /// How firm the cloth is in it.
+    firm: f64,
 }
 
 impl Elastic {
@@ -72,7 +74,13 @@ impl Elastic {
             pattern: Pattern::new(x, &near),
             matrix,
             diagonal,
+            firm,
         }
+    }
+
+    /// Whether it is of cloth as `firm` as this.
+    pub fn is_of(&self, firm: f64) -> bool {
+        self.firm == firm
     }
 
     /// Factors it with what the walls add to each vertex [N/m]: xx, yy, zz, xy, xz, yz; and with a

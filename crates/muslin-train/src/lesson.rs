@@ -21,6 +21,14 @@ pub struct Lesson<'a> {
     pub traits: &'a [(&'static str, f64)],
 }
 
+impl Lesson<'_> {
+    /// The template in single precision.
+    pub(crate) fn laid(&self) -> Vec<[f32; 3]> {
+        let single = |p: &DVec3| p.as_vec3().to_array();
+        self.template.iter().map(single).collect()
+    }
+}
+
 /// How it is learnt. The defaults suit a garment of a few thousand vertices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {

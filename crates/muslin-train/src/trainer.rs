@@ -17,8 +17,8 @@ use crate::lesson::{Lesson, Plan};
 use crate::pack::Pack;
 use crate::pool::thinned;
 use crate::prepare::{drivers, encoder, follow, packs, rescale, standardise};
-use crate::training::{Training, fault, fingerprint, left_out};
-use crate::update::factored;
+use crate::training::{Training, fault, fingerprints, left_out};
+use crate::update::{factored, firm_at};
 use crate::wearer::{Wearer, traits, wearers};
 use crate::work::Work;
 
@@ -177,7 +177,7 @@ impl<'a> Trainer<'a> {
             }
             None => standardise(&mut packs),
         };
-        let elastic = Elastic::new(&wearers, if model.is_some() { 0.0 } else { 1.0 });
+        let elastic = Elastic::new(&wearers, firm_at(&plan, model.is_some(), 0));
         let n = lesson.template.len();
         let walls = vec![[0.0; 6]; n];
         let k = plan.codes;
@@ -219,15 +219,11 @@ impl<'a> Trainer<'a> {
 
     /// What the bits of the training depend on, in one line.
     pub(crate) fn identity(&self) -> String {
-        // The poses are the same for all.
-        let one = |(k, w): (usize, &Wearer<'_>)| {
-            let poses = if k == 0 { &self.pool[..] } else { &[] };
-            fingerprint(&w.lesson, poses.iter())
-        };
-        let all: Vec<String> = self.wearers.iter().enumerate().map(one).collect();
+        let lessons = self.wearers.iter().map(|w| &w.lesson);
+        let all = fingerprints(lessons, self.pool.iter());
         let begun = self.begun.map(|sum| format!(" begun {sum:016x}"));
         let begun = begun.unwrap_or_default();
-        format!("{} {:?}{begun}", all.join(" "), self.plan)
+        format!("{all} {:?}{begun}", self.plan)
     }
 
     /// How many poses there are to learn from.

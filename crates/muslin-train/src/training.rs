@@ -59,11 +59,17 @@ pub(crate) fn sum(numbers: &mut dyn Iterator<Item = f64>) -> u64 {
     numbers.fold(0, |h, x| (h ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// What the bits of a training depend on, in short: poses, cloth and body.
-pub(crate) fn fingerprint<'a>(
-    lesson: &Lesson<'_>,
-    poses: impl Iterator<Item = &'a Pose>,
+/// What the bits of a training depend on, in short: poses, which are the same for all lessons, cloths and bodies.
+pub(crate) fn fingerprints<'l, 'a: 'l, 'p>(
+    lessons: impl Iterator<Item = &'l Lesson<'a>>,
+    poses: impl Iterator<Item = &'p Pose>,
 ) -> String {
+    let mut poses = Some(poses);
+    let one = |l: &Lesson<'_>| fingerprint(l, poses.take().into_iter().flatten());
+    lessons.map(one).collect::<Vec<_>>().join(" ")
+}
+
+fn fingerprint<'a>(lesson: &Lesson<'_>, poses: impl Iterator<Item = &'a Pose>) -> String {
     let turns = |p: &Pose| -> Vec<f64> {
         let root = p.root.to_array().into_iter();
         root.chain(p.rotations.iter().flat_map(|q| q.to_array()))

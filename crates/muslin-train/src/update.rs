@@ -41,13 +41,9 @@ impl Trainer<'_> {
         self.plan.skin as f32 * (SOFT_START + (1.0 - SOFT_START) * done / HARDENED).min(1.0)
     }
 
-    /// How firm cloth is taken to be after so many steps: 1 at first, 0 in the end.
+    /// How firm cloth is taken to be after so many steps.
     pub(crate) fn firm_at(&self, step: u64) -> f64 {
-        if self.begun.is_some() {
-            return 0.0;
-        }
-        let done = step as f64 / self.plan.steps.max(1) as f64;
-        ((SOFTENS[1] - done) / (SOFTENS[1] - SOFTENS[0])).clamp(0.0, 1.0)
+        firm_at(&self.plan, self.begun.is_some(), step)
     }
 
     /// Takes a step.
@@ -117,9 +113,22 @@ impl Trainer<'_> {
     /// Factors with the walls that were remembered last, and with the cloth as firm as it was then.
     pub(crate) fn refactor(&mut self) {
         let last = (0..=self.now.step).rev().find(|s| factors_at(*s));
-        self.elastic = Elastic::new(&self.wearers, self.firm_at(last.unwrap_or(0)));
+        let firm = self.firm_at(last.unwrap_or(0));
+        if !self.elastic.is_of(firm) {
+            self.elastic = Elastic::new(&self.wearers, firm);
+        }
         self.factor = factored(&self.elastic, &self.now.factored, &self.plan);
     }
+}
+
+/// How firm cloth is taken to be after so many steps: 1 at first, 0 in the end, and from the start where a training
+/// has begun with a model.
+pub(crate) fn firm_at(plan: &Plan, has_begun: bool, step: u64) -> f64 {
+    if has_begun {
+        return 0.0;
+    }
+    let done = step as f64 / plan.steps.max(1) as f64;
+    ((SOFTENS[1] - done) / (SOFTENS[1] - SOFTENS[0])).clamp(0.0, 1.0)
 }
 
 /// Whether the stiffness is factored anew after so many steps.

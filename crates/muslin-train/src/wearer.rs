@@ -37,9 +37,7 @@ impl<'a> Wearer<'a> {
             body: Skinned::new((lesson.avatar, lesson.figure), lesson.template),
             cut: Cut::new(&cloth)?,
             folds: Folds::new(&lesson.cloth.faces, lesson.template, lesson.weights),
-            template: (lesson.template.iter())
-                .map(|p| p.as_vec3().to_array())
-                .collect(),
+            template: lesson.laid(),
             lesson,
         })
     }

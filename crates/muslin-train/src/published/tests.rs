@@ -3,7 +3,8 @@
 use std::sync::LazyLock;
 
 use glam::DVec3;
-use muslin_body::Motion;
+use muslin_body::{Figure, Motion};
+use muslin_model::Model;
 
 use super::clips::{Batch, Frame};
 use super::net::Chance;
@@ -266,45 +267,50 @@ fn what_is_played_is_what_was_learnt() {
     for system in ALL {
         let trainer = after(2, system);
         let model = trainer.model(Default::default());
-        let mut player = muslin_model::Player::new(&model, &CLASS.avatar).expect("its bones");
-        player.begin(1.0 / 25.0);
-        // From the first pose of the clip, so that windows and stream know the same past.
-        let poses = &trainer.clips.motions[0].poses[..3];
-        let mut out = vec![[0.0; 3]; model.n_verts()];
-        for pose in poses {
-            let bones = CLASS.avatar.bones(&CLASS.figure, pose);
-            player.frame(pose, &bones, &mut out);
-        }
-        let batch = trainer.watched(0).batch(&trainer.clips, [[0, 2]; 16]);
-        let last = batch.frames.len() - 1;
-        let places = trainer.positions(&batch, &Chance::default());
-        for (v, got) in out.iter().enumerate() {
-            let got = DVec3::from_array(got.map(f64::from)) - poses[2].root;
-            let want = place(&places, (last, 0), v);
-            assert!(got.distance(want) < 5e-5, "{system:?} {v}: {got} {want}");
-        }
+        plays_as_learnt(&trainer, &model, (0, &CLASS.figure));
+    }
+}
+
+/// From the first pose of the clip, so that windows and stream know the same past.
+fn plays_as_learnt(trainer: &Published, model: &Model, (wearer, figure): (usize, &Figure)) {
+    let mut player = muslin_model::Player::new(model, &CLASS.avatar).expect("its bones");
+    player.begin(1.0 / 25.0);
+    let poses = &trainer.clips.motions[0].poses[..3];
+    let mut out = vec![[0.0; 3]; model.n_verts()];
+    for pose in poses {
+        let bones = CLASS.avatar.bones(figure, pose);
+        player.frame(pose, &bones, &mut out);
+    }
+    let batch = trainer.watched(wearer).batch(&trainer.clips, [[0, 2]; 16]);
+    let last = batch.frames.len() - 1;
+    let places = trainer.positions(&batch, &Chance::default());
+    for (v, got) in out.iter().enumerate() {
+        let got = DVec3::from_array(got.map(f64::from)) - poses[2].root;
+        let want = place(&places, (last, 0), v);
+        let system = trainer.course.system;
+        assert!(got.distance(want) < 5e-5, "{system:?} {v}: {got} {want}");
     }
 }
 
 #[test]
 fn the_recurrent_system_is_told_who_wears_it_and_plays_on_each_of_them() {
     let other = Other::new(&CLASS);
-    let with = |rate: f32| {
+    let new = || {
         let course = Course {
             fps: 25.0,
-            rate,
+            rate: 2e-4,
             ..Course::of(System::Snug)
         };
         Published::new(other.lessons(&CLASS), course, vec![CLASS.wave()]).expect("enough poses")
     };
-    let mut trainer = with(2e-4);
+    let mut trainer = new();
     let told =
         |w: usize| trainer.watched(w).batch(&trainer.clips, [[0, 5]; 16]).told[0][..32].to_vec();
     assert!(told(0).iter().all(|x| *x == -1.0) && told(1).iter().all(|x| *x == 1.0));
     while trainer.steps() < 2 {
         trainer.step().expect("finite");
     }
-    let mut again = with(2e-4);
+    let mut again = new();
     again
         .restore(&trainer.keep())
         .expect("of the same training");
@@ -321,22 +327,7 @@ fn the_recurrent_system_is_told_who_wears_it_and_plays_on_each_of_them() {
     assert_eq!(model.check(), Ok(()));
     let mut there = model.told(|name| Some(HEAVY.iter().find(|t| t.0 == name)?.1));
     there.template = trainer.wearers[1].template.clone();
-    let mut player = muslin_model::Player::new(&there, &CLASS.avatar).expect("its bones");
-    player.begin(1.0 / 25.0);
-    let poses = &trainer.clips.motions[0].poses[..3];
-    let mut out = vec![[0.0; 3]; there.n_verts()];
-    for pose in poses {
-        let bones = CLASS.avatar.bones(&other.figure, pose);
-        player.frame(pose, &bones, &mut out);
-    }
-    let batch = trainer.watched(1).batch(&trainer.clips, [[0, 2]; 16]);
-    let last = batch.frames.len() - 1;
-    let places = trainer.positions(&batch, &Chance::default());
-    for (v, got) in out.iter().enumerate() {
-        let got = DVec3::from_array(got.map(f64::from)) - poses[2].root;
-        let want = place(&places, (last, 0), v);
-        assert!(got.distance(want) < 5e-5, "{v}: {got} {want}");
-    }
+    plays_as_learnt(&trainer, &there, (1, &other.figure));
 }
 
 /// Where a vertex is in one decoded pose of one window [m].

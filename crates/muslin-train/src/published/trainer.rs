@@ -14,7 +14,7 @@ use super::wearer::Wearer;
 use crate::lanes::LANES;
 use crate::lesson::Lesson;
 use crate::prepare::{drivers, follow};
-use crate::training::{Training, fault, fingerprint, left_out};
+use crate::training::{Training, fault, fingerprints, left_out};
 use crate::wearer::{of_one_cloth, traits};
 use crate::{Told, TrainError};
 
@@ -168,14 +168,9 @@ impl<'a> Published<'a> {
 
     /// What the bits of the training depend on, in one line.
     pub(crate) fn identity(&self) -> String {
-        let course = &self.course;
-        // The poses are the same for all.
-        let one = |(k, w): (usize, &Wearer<'_>)| {
-            let motions = if k == 0 { &self.clips.motions[..] } else { &[] };
-            fingerprint(&w.lesson, motions.iter().flat_map(|m| &m.poses))
-        };
-        let all: Vec<String> = self.wearers.iter().enumerate().map(one).collect();
-        format!("{} {course:?}", all.join(" "))
+        let lessons = self.wearers.iter().map(|w| &w.lesson);
+        let poses = self.clips.motions.iter().flat_map(|m| &m.poses);
+        format!("{} {:?}", fingerprints(lessons, poses), self.course)
     }
 
     /// Windows of a wearer ready to be worked on.

@@ -29,20 +29,14 @@ impl<'a> Wearer<'a> {
         let mut encoder = encoder.clone();
         if let Encoder::Snug(s) = &mut encoder {
             let own = traits.iter().zip(lesson.traits);
-            let level = |(t, (_, x)): (&Trait, &(&str, f64))| Trait {
-                value: *x as f32,
-                ..t.clone()
-            };
-            s.body = own.map(|t| level(t).level()).collect();
+            s.body = own.map(|(t, (_, x))| t.level_of(*x as f32)).collect();
         }
         let mut stream = Stream::new(&encoder, drivers, lesson.avatar)?;
         stream.begin(1.0 / course.fps);
         Ok(Self {
             body: Skinned::new((lesson.avatar, lesson.figure), lesson.template),
             sheet: Sheet::new(course.system.recipe(), lesson.cloth, lesson.template)?,
-            template: (lesson.template.iter())
-                .map(|p| p.as_vec3().to_array())
-                .collect(),
+            template: lesson.laid(),
             lesson,
             stream,
         })
