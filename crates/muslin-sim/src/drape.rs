@@ -28,6 +28,8 @@ pub struct Options {
     pub gap: f64,
     /// Conjugate gradient iterations per step, at most.
     pub iterations: usize,
+    /// Newton steps at most in each step on the way to the pose and to rest; the last two take up to three.
+    pub rounds: usize,
     /// Steps before the body begins to move.
     pub first_steps: usize,
     /// Steps after the body has arrived, at most.
@@ -58,6 +60,7 @@ impl Options {
         step: 1.0 / 30.0,
         gap: 3e-3,
         iterations: 25,
+        rounds: 3,
         first_steps: 4,
         last_steps: 80,
         still: 0.03,

@@ -18,18 +18,23 @@ const ZONES: usize = 40;
 /// Changes `moves` [m] from `x` [m] until no pair passes through itself; says whether it had to.
 pub(crate) fn make_safe(pairs: &[Near], x: &[DVec3], moves: &mut [DVec3]) -> bool {
     let mut zones = Zones::new(x.len());
+    // A pair of which nothing changed since it was asked would say the same again.
+    let mut changed = vec![true; x.len()];
     for round in 0.. {
-        let objections = objections(pairs, x, moves);
+        let objections = objections(pairs, &changed, (x, moves));
         if objections.is_empty() {
             return round > 0;
         }
         if round < LED {
-            lead(pairs, &objections, moves);
+            lead(pairs, &objections, (moves, &mut changed));
         } else if round < LED + ZONES {
+            changed.fill(false);
             for (k, _) in objections {
-                zones.join(pairs[k].verts);
+                let verts = pairs[k].verts;
+                verts.iter().for_each(|v| changed[*v as usize] = true);
+                zones.join(verts);
             }
-            zones.move_as_one(moves);
+            zones.move_as_one(moves, &mut changed);
         } else {
             let mean = moves.iter().sum::<DVec3>() / moves.len() as f64;
             moves.fill(mean);
@@ -39,8 +44,12 @@ pub(crate) fn make_safe(pairs: &[Near], x: &[DVec3], moves: &mut [DVec3]) -> boo
     true
 }
 
-/// Leads the vertices of objecting pairs towards their pair's mean move.
-fn lead(pairs: &[Near], objections: &[(usize, f64)], moves: &mut [DVec3]) {
+/// Leads the vertices of objecting pairs towards their pair's mean move, and says who `changed`.
+fn lead(
+    pairs: &[Near],
+    objections: &[(usize, f64)],
+    (moves, changed): (&mut [DVec3], &mut [bool]),
+) {
     let mut share = vec![1.0f64; moves.len()];
     let mut common = vec![(DVec3::ZERO, 0.0); moves.len()];
     for &(k, t) in objections {
@@ -56,9 +65,11 @@ fn lead(pairs: &[Near], objections: &[(usize, f64)], moves: &mut [DVec3]) {
             common[v] = (common[v].0 + mean, common[v].1 + 1.0);
         }
     }
-    for ((m, t), (sum, n)) in moves.iter_mut().zip(share).zip(common) {
-        if n > 0.0 {
-            *m = (sum / n).lerp(*m, t);
+    let all = moves.iter_mut().zip(changed).zip(share.iter().zip(&common));
+    for ((m, changed), (t, (sum, n))) in all {
+        *changed = *n > 0.0;
+        if *changed {
+            *m = (*sum / *n).lerp(*m, *t);
         }
     }
 }
@@ -92,7 +103,8 @@ impl Zones {
             .for_each(|r| self.parent[r as usize] = least);
     }
 
-    fn move_as_one(&mut self, moves: &mut [DVec3]) {
+    /// Gives every vertex what its zone does, and adds whoever that is new for to the `changed`.
+    fn move_as_one(&mut self, moves: &mut [DVec3], changed: &mut [bool]) {
         let mut sums = vec![(DVec3::ZERO, 0.0); moves.len()];
         for v in 0..moves.len() {
             let sum = &mut sums[self.find(v as u32) as usize];
@@ -100,22 +112,29 @@ impl Zones {
         }
         for v in 0..moves.len() {
             let (sum, n) = sums[self.find(v as u32) as usize];
+            let before = moves[v];
             if n > 1.0 {
                 moves[v] = sum / n;
             }
+            changed[v] |= moves[v] != before;
         }
     }
 }
 
-/// Pairs that may not go all the way, and how far they may.
-fn objections(pairs: &[Near], x: &[DVec3], moves: &[DVec3]) -> Vec<(usize, f64)> {
+/// Pairs that may not go all the way, and how far they may, of those with a vertex that has `changed`.
+fn objections(
+    pairs: &[Near],
+    changed: &[bool],
+    (x, moves): (&[DVec3], &[DVec3]),
+) -> Vec<(usize, f64)> {
     let lists: Vec<Vec<(usize, f64)>> = pairs
         .par_chunks(CHUNK)
         .enumerate()
         .map(|(c, chunk)| {
-            let share = chunk.iter().map(|pair| share(pair, x, moves));
-            let numbered = share.enumerate().filter(|(_, t)| *t < 1.0);
-            numbered.map(|(k, t)| (c * CHUNK + k, t)).collect()
+            let asked = chunk.iter().enumerate();
+            let asked = asked.filter(|(_, pair)| pair.verts.iter().any(|v| changed[*v as usize]));
+            let shares = asked.map(|(k, pair)| (c * CHUNK + k, share(pair, x, moves)));
+            shares.filter(|(_, t)| *t < 1.0).collect()
         })
         .collect();
     lists.concat()

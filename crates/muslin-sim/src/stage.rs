@@ -82,6 +82,8 @@ const FASTEST: f64 = 0.008;
 const TOP_SPEED: f64 = 30.0;
 /// The same where it is thin: farther in, the nearest skin would be that of its other side.
 const FASTEST_THIN: f64 = 0.003;
+/// Last steps of cloth that came to rest in haste.
+const THOROUGH: usize = 2;
 /// Most pieces that a step of the path is cut into.
 const PIECES: usize = 8;
 
@@ -315,7 +317,15 @@ impl<'a> Stage<'a> {
 
     /// One step from rest to rest.
     pub fn calm_step(&mut self) -> Result<(), SimError> {
-        self.step(&Pace::calm(self.options.step, 0.0))
+        self.step(&self.hasty(0.0))
+    }
+
+    /// A step towards rest, with as many Newton steps as are asked for.
+    fn hasty(&self, keep: f64) -> Pace {
+        Pace {
+            rounds: self.options.rounds,
+            ..Pace::calm(self.options.step, keep)
+        }
     }
 
     /// From now on every pin holds its vertex where it is, as a waistband slips that is pulled.
@@ -377,17 +387,30 @@ impl<'a> Stage<'a> {
             }
             let late = k as f64 / self.options.last_steps as f64;
             let keep = self.options.keep * (1.0 - 0.5 * late * late);
-            self.step(&Pace::calm(self.options.step, keep))?;
+            self.step(&self.hasty(keep))?;
             calm = if self.speed() < self.options.still {
                 calm + 1
             } else {
                 0
             };
             if calm >= 3 && !self.is_tangled() {
+                self.finish()?;
                 return Ok(true);
             }
         }
+        self.finish()?;
         Ok(false)
+    }
+
+    /// What was left undone by fewer Newton steps than [`Pace::calm`] has.
+    fn finish(&mut self) -> Result<(), SimError> {
+        let pace = Pace::calm(self.options.step, 0.5 * self.options.keep);
+        let times = if self.options.rounds < pace.rounds {
+            THOROUGH
+        } else {
+            0
+        };
+        (0..times).try_for_each(|_| self.step(&pace))
     }
 
     /// Speed below which 99 % of the vertices are [m/s].

@@ -53,9 +53,11 @@ pub(crate) const NEARLY_THERE: Options = Options {
 const LAID: usize = 30;
 /// Pairs of triangles that may cross in what a garment was taught; with more it knows nothing of the pose.
 const CROSSED: usize = 60;
-/// Shares of the way from the rest pose at which trained garments are asked, the first that is clean enough:
-/// what crosses itself in the pose itself, as legs do in a long step, may not yet do so before.
-const BEGUN: [f64; 3] = [1.0, 0.7, 0.4];
+/// So few come free without a trace.
+const FEW: usize = 12;
+/// Shares of the way from the rest pose at which trained garments are asked, until few enough cross: what
+/// crosses itself in the pose itself, as legs do in a long step, may not yet do so before.
+const BEGUN: [f64; 5] = [1.0, 0.85, 0.7, 0.55, 0.4];
 /// Largest turn of a joint in one step on the way to the pose [rad].
 const TURN: f64 = 0.09;
 
@@ -132,14 +134,22 @@ pub(crate) fn lay_outfit(
     let worn = put_on(avatar, outfit, &sitter.figure)?;
     let faces = cloth(outfit, &worn).faces;
     let laid = |mut known: Known<'_>| {
-        BEGUN.into_iter().find_map(|share| {
+        let mut least: Option<(usize, f64, Vec<DVec3>)> = None;
+        for share in BEGUN {
             let mesh = Mesh {
                 verts: known.laid(&sitter.on_the_way(avatar, share))?,
                 faces: faces.clone(),
             };
             let crossed = self_intersections(&mesh).len();
-            (crossed <= CROSSED).then_some((share, mesh.verts))
-        })
+            if least.as_ref().is_none_or(|l| crossed < l.0) {
+                least = Some((crossed, share, mesh.verts));
+            }
+            if crossed <= FEW {
+                break;
+            }
+        }
+        let (crossed, share, start) = least?;
+        (crossed <= CROSSED).then_some((share, start))
     };
     let known = Known::new((avatar, &sitter.figure), (outfit, &worn));
     if let Some((share, start)) = known.and_then(laid) {
@@ -147,6 +157,7 @@ pub(crate) fn lay_outfit(
         let body = (path.as_slice(), avatar.collision_faces());
         let options = Options {
             last_steps: LAID,
+            rounds: 1,
             ..NEARLY_THERE
         };
         let dressed = settle((outfit, &worn), &start, body, (options, watch))?;

@@ -2,13 +2,15 @@
 
 use glam::DVec3;
 use muslin_garment::Garment;
-use muslin_geom::{Surface, neighbours};
+use muslin_geom::{Mesh, Surface, intersecting_pairs, neighbours};
 
 /// Room between two layers of cloth [m].
 const ROOM: f64 = 0.004;
 /// Deeper inside another garment than this cloth is elsewhere: a hem under a waistband, not a sleeve
 /// beside a hip [m].
 const DEEP: f64 = 0.04;
+/// No triangle is lifted over another by more than this at once [m].
+const LIFT: f64 = 0.02;
 /// Rounds of pushing out, and in each how often what is pushed takes its neighbours along.
 const ROUNDS: usize = 8;
 const SPREAD: usize = 6;
@@ -42,9 +44,47 @@ impl Under {
         let at_rim = face.iter().any(|v| self.rim[*v as usize]);
         (lack > 0.0 && !at_rim).then(|| hit.normal * lack)
     }
+
+    /// How the corners of triangles at `x` [m] that cross it get before what they cross.
+    fn lifts(&self, x: &[DVec3], faces: &[[u32; 3]]) -> Vec<Option<DVec3>> {
+        let mesh = |verts: &[DVec3], faces: &[[u32; 3]]| Mesh {
+            verts: verts.to_vec(),
+            faces: faces.to_vec(),
+        };
+        let (outer, own) = (
+            mesh(x, faces),
+            mesh(self.surface.verts(), self.surface.faces()),
+        );
+        let corners = |m: &Mesh, f: u32| m.faces[f as usize].map(|v| m.verts[v as usize]);
+        let normal = |c: &[DVec3; 3]| (c[1] - c[0]).cross(c[2] - c[0]).normalize_or_zero();
+        let mut out: Vec<Option<DVec3>> = vec![None; x.len()];
+        for [f, g] in intersecting_pairs(&outer, &own) {
+            let (here, there) = (corners(&outer, f), corners(&own, g));
+            // Either the fold goes under this triangle, or the triangle over the plane of the fold.
+            let (up, away) = (normal(&here), normal(&there));
+            let peak = there
+                .map(|p| (p - here[0]).dot(up))
+                .into_iter()
+                .fold(0.0, f64::max);
+            for (v, p) in faces[f as usize].into_iter().zip(here) {
+                let lack = ROOM - (p - there[0]).dot(away);
+                let way = if peak + ROOM < lack {
+                    up * (peak + ROOM)
+                } else {
+                    away * lack
+                };
+                let so_far = out[v as usize].map_or(0.0, |d| d.length());
+                if lack > 0.0 && (so_far..LIFT).contains(&way.length()) {
+                    out[v as usize] = Some(way);
+                }
+            }
+        }
+        out
+    }
 }
 
-/// Leads the cloth at `x` [m] out of all that it is worn over.
+/// Leads the cloth at `x` [m] out of all that it is worn over: first its vertices, then the triangles that
+/// are still crossed by a fold between them.
 pub(crate) fn over(x: &mut [DVec3], faces: &[[u32; 3]], under: &[Under]) {
     let near = neighbours(x.len(), faces);
     for layer in under {
@@ -54,21 +94,33 @@ pub(crate) fn over(x: &mut [DVec3], faces: &[[u32; 3]], under: &[Under]) {
             if most.fold(0.0, f64::max) < DONE {
                 break;
             }
-            let own = |d: &Option<DVec3>| d.unwrap_or(DVec3::ZERO);
-            let mut moves: Vec<DVec3> = pushes.iter().map(own).collect();
-            for _ in 0..SPREAD {
-                let even = |v: usize| match pushes[v] {
-                    Some(d) => d,
-                    None => {
-                        near[v].iter().map(|j| moves[*j as usize]).sum::<DVec3>()
-                            / near[v].len().max(1) as f64
-                    }
-                };
-                moves = (0..x.len()).map(even).collect();
+            give_way(x, &pushes, &near);
+        }
+        for _ in 0..ROUNDS {
+            let pushes = layer.lifts(x, faces);
+            if pushes.iter().all(Option::is_none) {
+                break;
             }
-            x.iter_mut().zip(&moves).for_each(|(p, d)| *p += *d);
+            give_way(x, &pushes, &near);
         }
     }
+}
+
+/// Moves `x` [m] as it is pushed, and what is `near` along with it.
+fn give_way(x: &mut [DVec3], pushes: &[Option<DVec3>], near: &[Vec<u32>]) {
+    let own = |d: &Option<DVec3>| d.unwrap_or(DVec3::ZERO);
+    let mut moves: Vec<DVec3> = pushes.iter().map(own).collect();
+    for _ in 0..SPREAD {
+        let even = |v: usize| match pushes[v] {
+            Some(d) => d,
+            None => {
+                near[v].iter().map(|j| moves[*j as usize]).sum::<DVec3>()
+                    / near[v].len().max(1) as f64
+            }
+        };
+        moves = (0..x.len()).map(even).collect();
+    }
+    x.iter_mut().zip(&moves).for_each(|(p, d)| *p += *d);
 }
 
 #[cfg(test)]
@@ -106,5 +158,33 @@ mod tests {
             .iter()
             .filter(|p| under[0].push(**p).is_some_and(|d| d.length() > 1e-3));
         assert!(within.count() * 50 < inner.len());
+    }
+
+    #[test]
+    fn triangles_that_a_fold_below_crosses_are_lifted_over_it() {
+        // A ridge of one triangle's width, between the vertices of a coarse sheet above it.
+        let grid = |n: u32, step: f64, height: &dyn Fn(f64) -> f64| {
+            let at = |i: u32| {
+                let (a, b) = (f64::from(i % n) * step, f64::from(i / n) * step);
+                DVec3::new(b, height(a), a)
+            };
+            let cells = (0..n * n).filter(move |i| i % n < n - 1 && i / n < n - 1);
+            let faces = cells.flat_map(move |i| [[i, i + 1, i + n + 1], [i, i + n + 1, i + n]]);
+            let verts: Vec<DVec3> = (0..n * n).map(at).collect();
+            (verts, faces.collect::<Vec<[u32; 3]>>())
+        };
+        let ridge = |a: f64| if (a - 0.05).abs() < 1e-6 { 0.01 } else { 0.0 };
+        let (below, fine) = grid(21, 0.005, &ridge);
+        let (above, coarse) = grid(4, 0.034, &|_| 0.006);
+        let under = [Under {
+            surface: Surface::new(&below, &fine),
+            rim: vec![false; below.len()],
+        }];
+        let crossed = |x: &[DVec3]| under[0].lifts(x, &coarse).iter().flatten().count();
+        let mut x = above.clone();
+        assert!(crossed(&x) > 0 && x.iter().all(|p| under[0].push(*p).is_none()));
+        over(&mut x, &coarse, &under);
+        assert_eq!(crossed(&x), 0);
+        assert!(x.iter().zip(&above).all(|(a, b)| a.distance(*b) < 0.02));
     }
 }
