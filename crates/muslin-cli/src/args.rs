@@ -424,6 +424,9 @@ pub struct Evaluate {
     /// Where the report goes [default: beside the file, as NAME.evaluation.json].
     #[arg(short, long)]
     pub out: Option<PathBuf>,
+    /// Also write energies, stretch, penetration and crossings of every frame.
+    #[arg(long, value_name = "FILE.csv")]
+    pub frames: Option<PathBuf>,
     /// Print the report on standard output instead of the table.
     #[arg(long)]
     pub json: bool,

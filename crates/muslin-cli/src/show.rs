@@ -155,7 +155,8 @@ fn list(what: Kind, json: bool) -> Result<(), Failure> {
 }
 
 fn evaluate(e: &Evaluate) -> Result<(), Failure> {
-    let outcome = muslin::evaluate_file(&e.file, e.against.as_deref(), e.out.as_deref())?;
+    let to = (e.out.as_deref(), e.frames.as_deref());
+    let outcome = muslin::evaluate_file(&e.file, e.against.as_deref(), to)?;
     print(if e.json {
         &outcome.json
     } else {

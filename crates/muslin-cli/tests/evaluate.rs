@@ -34,7 +34,8 @@ fn falling(lower: f32) -> Vec<u8> {
 fn a_file_is_judged_and_its_report_lies_beside_it() {
     let folder = Folder::new("judged");
     let file = folder.put("walk.npz", &falling(0.0));
-    let out = evaluate(&[&file]);
+    let frames = folder.0.join("walk.csv");
+    let out = evaluate(&[&file, "--frames", &frames.to_string_lossy()]);
     let table = String::from_utf8_lossy(&out.stdout).into_owned();
     assert_eq!(
         out.status.code(),
@@ -54,6 +55,11 @@ fn a_file_is_judged_and_its_report_lies_beside_it() {
     assert!(
         report.contains("\"edge_max\"") && report.contains("\"frames\": 4"),
         "{report}"
+    );
+    let lines = std::fs::read_to_string(frames).expect("written");
+    assert!(
+        lines.starts_with("frame,time_s,strain_J") && lines.lines().count() == 5,
+        "{lines}"
     );
 }
 

@@ -10,6 +10,7 @@ mod contact;
 mod frame;
 mod material;
 mod passage;
+mod series;
 
 use std::path::Path;
 
@@ -32,6 +33,8 @@ const DEEP: f32 = 0.5e-3;
 pub struct Evaluation {
     /// All figures, in groups.
     pub report: Report,
+    /// What changes over time: CSV, one line a frame.
+    pub frames: String,
 }
 
 /// Measures every frame of `clip`; `against`, of the same cloth and rate, gives distances and the
@@ -69,15 +72,16 @@ pub fn evaluate(clip: &Clip, against: Option<&Clip>) -> Result<Evaluation, Failu
     if let Some(truth) = against {
         report.set("against", compare(clip, truth, &cloth, &frames)?);
     }
-    Ok(Evaluation { report })
+    let frames = series::csv(&frames, clip.drape.fps);
+    Ok(Evaluation { report, frames })
 }
 
 /// Evaluates the file (or folder of point caches) at `path`, writes `NAME.evaluation.json` beside
-/// it, or `out`, and gives the table.
+/// it, or `out`, and its `frames` where that is asked for, and gives the table.
 pub fn evaluate_file(
     path: &Path,
     against: Option<&Path>,
-    out: Option<&Path>,
+    (out, frames): (Option<&Path>, Option<&Path>),
 ) -> Result<Outcome, Failure> {
     let read = |p: &Path| read_clip(p).map_err(|e| file_failure(&e));
     let clip = read(path)?;
@@ -92,6 +96,9 @@ pub fn evaluate_file(
     let target = out.unwrap_or(&beside);
     let json = report_json(&evaluation.report);
     write_file(target, json.as_bytes()).map_err(|e| file_failure(&e))?;
+    if let Some(path) = frames {
+        write_file(path, evaluation.frames.as_bytes()).map_err(|e| file_failure(&e))?;
+    }
     Ok(Outcome::new(evaluation.table(), &evaluation.report))
 }
 

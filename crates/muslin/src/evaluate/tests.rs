@@ -163,3 +163,29 @@ fn against_itself_there_is_no_gap() {
     assert_eq!(figure(&e, "against", "distance_p95_mm"), 0.0);
     assert!(evaluate(&clip, Some(&falling(3))).is_err());
 }
+
+#[test]
+fn the_frames_tell_over_time_what_the_report_tells_of_all() {
+    let e = evaluate(&falling(6), None).expect("a sound clip");
+    let mut lines = e.frames.lines().map(|l| l.split(',').collect::<Vec<_>>());
+    let names = lines.next().expect("a head");
+    let lines: Vec<_> = lines.collect();
+    assert_eq!(lines.len(), 6);
+    assert!(lines.iter().all(|l| l.len() == names.len()));
+    let at = |name: &str| names.iter().position(|n| *n == name).expect("a column");
+    let column = |name: &str| -> Vec<Option<f64>> {
+        lines.iter().map(|l| l[at(name)].parse().ok()).collect()
+    };
+    let gravity: Vec<f64> = column("gravity_J").into_iter().flatten().collect();
+    let (mean, told) = (
+        gravity.iter().sum::<f64>() / 6.0,
+        figure(&e, "energies", "gravity_J"),
+    );
+    assert!((mean - told).abs() < 1e-12 * told.abs(), "{mean} {told}");
+    // What falls loses height and nothing else: m g h with h = ½ g t².
+    let mass = figure(&e, "clip", "mass_kg");
+    let lost = 0.5 * 9.81 * 9.81 * mass * column("time_s")[5].expect("a time").powi(2);
+    assert!((gravity[0] - gravity[5] - lost).abs() < 1e-3 * lost);
+    assert_eq!(column("inertia_J").iter().flatten().count(), 4);
+    assert_eq!(column("vertices_inside"), [Some(0.0); 6]);
+}
