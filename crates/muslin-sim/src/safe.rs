@@ -172,4 +172,32 @@ mod tests {
         assert!(moves.iter().all(|m| (m.x - 3.0).abs() < 1e-9), "{moves:?}");
         assert!(moves[0].y - moves[1].y > -0.01);
     }
+
+    #[test]
+    fn what_is_safe_in_the_end_is_safe_for_every_pair_though_few_were_asked_again() {
+        // A strip of triangles falls on another at speeds that differ from vertex to vertex.
+        let n = 24_u32;
+        let at = |v: u32, height: f64| {
+            let (a, b) = (f64::from(v / 2), f64::from(v % 2));
+            DVec3::new(0.01 * a, height, 0.012 * b)
+        };
+        let below = (0..n).map(|v| at(v, 0.0));
+        let x: Vec<DVec3> = below.chain((0..n).map(|v| at(v, 0.004))).collect();
+        let vertices =
+            (n..2 * n).flat_map(|v| (0..n - 2).map(move |t| ([v, t, t + 1, t + 2], false)));
+        let edges =
+            (n..2 * n - 1).flat_map(|e| (0..n - 1).map(move |f| ([e, e + 1, f, f + 1], true)));
+        let pairs: Vec<Near> = vertices
+            .chain(edges)
+            .map(|(verts, is_edges)| Near { verts, is_edges })
+            .collect();
+        let fall = |v: u32| f64::from(v >= n) * -0.006 * (1.0 + (2.7 * f64::from(v)).sin());
+        let mut moves: Vec<DVec3> = (0..2 * n)
+            .map(|v| DVec3::new(1e-3 * (1.9 * f64::from(v)).cos(), fall(v), 0.0))
+            .collect();
+        let all = vec![true; x.len()];
+        assert!(objections(&pairs, &all, (&x, &moves)).len() > 20);
+        assert!(make_safe(&pairs, &x, &mut moves));
+        assert_eq!(objections(&pairs, &all, (&x, &moves)), []);
+    }
 }
