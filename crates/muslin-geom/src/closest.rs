@@ -267,7 +267,7 @@ impl Surface {
     }
 
     /// Unit normal of a face; zero where it has no area.
-    fn face_normal(&self, face: u32) -> DVec3 {
+    pub fn face_normal(&self, face: u32) -> DVec3 {
         normal(&self.corners(face)).normalize_or_zero()
     }
 

@@ -13,7 +13,7 @@ use crate::{
     loosen::{Lie, faults, let_go},
     quality::Settled,
     relief::{Frame, relieve_path},
-    stage::{Pace, Stage},
+    stage::{CALM_ROUNDS, Pace, Stage},
     weave::Weave,
 };
 
@@ -60,7 +60,7 @@ impl Options {
         step: 1.0 / 30.0,
         gap: 3e-3,
         iterations: 25,
-        rounds: 3,
+        rounds: CALM_ROUNDS,
         first_steps: 4,
         last_steps: 80,
         still: 0.03,

@@ -22,7 +22,7 @@ use crate::{
 mod step;
 
 use step::Past;
-pub(crate) use step::{Pace, ROUNDS};
+pub(crate) use step::{CALM_ROUNDS, Pace, ROUNDS};
 
 /// A drape in the making.
 pub(crate) struct Stage<'a> {
@@ -404,13 +404,11 @@ impl<'a> Stage<'a> {
 
     /// What was left undone by fewer Newton steps than [`Pace::calm`] has.
     fn finish(&mut self) -> Result<(), SimError> {
+        if self.options.rounds >= CALM_ROUNDS {
+            return Ok(());
+        }
         let pace = Pace::calm(self.options.step, 0.5 * self.options.keep);
-        let times = if self.options.rounds < pace.rounds {
-            THOROUGH
-        } else {
-            0
-        };
-        (0..times).try_for_each(|_| self.step(&pace))
+        (0..THOROUGH).try_for_each(|_| self.step(&pace))
     }
 
     /// Speed below which 99 % of the vertices are [m/s].

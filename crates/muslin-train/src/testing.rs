@@ -8,7 +8,18 @@ use muslin_net::learn::Noise;
 use muslin_sim::{Cloth, Material};
 
 use crate::lanes::{LANES, Lane, Row};
-use crate::{Lesson, Plan, Trainer, diffused};
+use crate::{Lesson, Plan, Trainer, Training, diffused};
+
+/// Both trainings go on to that step, a broken one and one that was not, to the same bits.
+pub fn go_on_alike<T: Training>(mut both: [&mut T; 2], steps: u64) {
+    for t in &mut both {
+        while t.steps() < steps {
+            t.step().expect("finite");
+        }
+    }
+    let [a, b] = both.map(|t| t.keep());
+    assert!(a == b, "the bits of an unbroken run");
+}
 
 /// Everything a lesson borrows.
 pub struct Class {

@@ -237,7 +237,7 @@ mod tests {
     use std::sync::LazyLock;
 
     use super::*;
-    use crate::testing::{Class, Other, USUAL};
+    use crate::testing::{Class, Other, USUAL, go_on_alike};
     use crate::{TrainError, Training};
 
     static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
@@ -329,15 +329,7 @@ mod tests {
         let kept = trainer.keep();
         let mut again = CLASS.taught(other.lessons(&CLASS));
         again.restore(&kept).expect("of the same training");
-        for t in [&mut trainer, &mut again] {
-            while t.steps() < 5 {
-                t.step().expect("finite");
-            }
-        }
-        assert!(
-            trainer.keep() == again.keep(),
-            "the bits of an unbroken run"
-        );
+        go_on_alike([&mut trainer, &mut again], 5);
         let mut changed = other.lessons(&CLASS);
         changed[1].traits = &USUAL;
         let foreign = CLASS.taught(changed).restore(&kept);

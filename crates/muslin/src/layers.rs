@@ -45,28 +45,29 @@ impl Under {
         (lack > 0.0 && !at_rim).then(|| hit.normal * lack)
     }
 
-    /// How the corners of triangles at `x` [m] that cross it get before what they cross.
-    fn lifts(&self, x: &[DVec3], faces: &[[u32; 3]]) -> Vec<Option<DVec3>> {
-        let mesh = |verts: &[DVec3], faces: &[[u32; 3]]| Mesh {
-            verts: verts.to_vec(),
-            faces: faces.to_vec(),
-        };
-        let (outer, own) = (
-            mesh(x, faces),
-            mesh(self.surface.verts(), self.surface.faces()),
-        );
-        let corners = |m: &Mesh, f: u32| m.faces[f as usize].map(|v| m.verts[v as usize]);
-        let normal = |c: &[DVec3; 3]| (c[1] - c[0]).cross(c[2] - c[0]).normalize_or_zero();
-        let mut out: Vec<Option<DVec3>> = vec![None; x.len()];
-        for [f, g] in intersecting_pairs(&outer, &own) {
-            let (here, there) = (corners(&outer, f), corners(&own, g));
+    /// Its triangles.
+    fn mesh(&self) -> Mesh {
+        Mesh {
+            verts: self.surface.verts().to_vec(),
+            faces: self.surface.faces().to_vec(),
+        }
+    }
+
+    /// How the corners of triangles outside that cross this garment, whose mesh is `own`, get before what they cross.
+    fn lifts(&self, outer: &Mesh, own: &Mesh) -> Vec<Option<DVec3>> {
+        let mut out: Vec<Option<DVec3>> = vec![None; outer.verts.len()];
+        for [f, g] in intersecting_pairs(outer, own) {
+            let face = outer.faces[f as usize];
+            let here = face.map(|v| outer.verts[v as usize]);
+            let there = self.surface.corners(g);
             // Either the fold goes under this triangle, or the triangle over the plane of the fold.
-            let (up, away) = (normal(&here), normal(&there));
+            let up = (here[1] - here[0]).cross(here[2] - here[0]);
+            let (up, away) = (up.normalize_or_zero(), self.surface.face_normal(g));
             let peak = there
                 .map(|p| (p - here[0]).dot(up))
                 .into_iter()
                 .fold(0.0, f64::max);
-            for (v, p) in faces[f as usize].into_iter().zip(here) {
+            for (v, p) in face.into_iter().zip(here) {
                 let lack = ROOM - (p - there[0]).dot(away);
                 let way = if peak + ROOM < lack {
                     up * (peak + ROOM)
@@ -86,24 +87,34 @@ impl Under {
 /// Leads the cloth at `x` [m] out of all that it is worn over: first its vertices, then the triangles that
 /// are still crossed by a fold between them.
 pub(crate) fn over(x: &mut [DVec3], faces: &[[u32; 3]], under: &[Under]) {
+    if under.is_empty() {
+        return;
+    }
     let near = neighbours(x.len(), faces);
+    let mut outer = Mesh {
+        verts: x.to_vec(),
+        faces: faces.to_vec(),
+    };
     for layer in under {
         for _ in 0..ROUNDS {
-            let pushes: Vec<Option<DVec3>> = x.iter().map(|p| layer.push(*p)).collect();
+            let all = outer.verts.iter();
+            let pushes: Vec<Option<DVec3>> = all.map(|p| layer.push(*p)).collect();
             let most = pushes.iter().flatten().map(|d| d.length());
             if most.fold(0.0, f64::max) < DONE {
                 break;
             }
-            give_way(x, &pushes, &near);
+            give_way(&mut outer.verts, &pushes, &near);
         }
+        let own = layer.mesh();
         for _ in 0..ROUNDS {
-            let pushes = layer.lifts(x, faces);
+            let pushes = layer.lifts(&outer, &own);
             if pushes.iter().all(Option::is_none) {
                 break;
             }
-            give_way(x, &pushes, &near);
+            give_way(&mut outer.verts, &pushes, &near);
         }
     }
+    x.copy_from_slice(&outer.verts);
 }
 
 /// Moves `x` [m] as it is pushed, and what is `near` along with it.
@@ -180,7 +191,14 @@ mod tests {
             surface: Surface::new(&below, &fine),
             rim: vec![false; below.len()],
         }];
-        let crossed = |x: &[DVec3]| under[0].lifts(x, &coarse).iter().flatten().count();
+        let crossed = |x: &[DVec3]| {
+            let outer = Mesh {
+                verts: x.to_vec(),
+                faces: coarse.clone(),
+            };
+            let lifts = under[0].lifts(&outer, &under[0].mesh());
+            lifts.iter().flatten().count()
+        };
         let mut x = above.clone();
         assert!(crossed(&x) > 0 && x.iter().all(|p| under[0].push(*p).is_none()));
         over(&mut x, &coarse, &under);

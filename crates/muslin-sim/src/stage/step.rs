@@ -41,7 +41,7 @@ impl Pace {
             keep,
             top_speed: SPEED,
             smooth: true,
-            rounds: 3,
+            rounds: CALM_ROUNDS,
             inertia: 1.0,
         }
     }
@@ -343,6 +343,8 @@ const MOST_LONGER: f64 = 2.0;
 /// Newton steps at most in a step of moving cloth, and the stretch beyond the limit that asks for
 /// another.
 pub(crate) const ROUNDS: usize = 6;
+/// Newton steps at most in a step of cloth that is to come to rest.
+pub(crate) const CALM_ROUNDS: usize = 3;
 const BEYOND: f64 = 0.008;
 /// So does a correction of so much [m]: what is left of it is lost motion.
 const LED_FAR: f64 = 1e-3;

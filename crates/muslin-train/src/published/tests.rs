@@ -12,7 +12,7 @@ use super::work::Work;
 use super::{Course, Published, System};
 use crate::Training;
 use crate::lanes::Row;
-use crate::testing::{Class, HEAVY, Other};
+use crate::testing::{Class, HEAVY, Other, go_on_alike};
 
 static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
 const ALL: [System; 3] = [System::Pbns, System::Snug, System::Ncs];
@@ -314,15 +314,7 @@ fn the_recurrent_system_is_told_who_wears_it_and_plays_on_each_of_them() {
     again
         .restore(&trainer.keep())
         .expect("of the same training");
-    for t in [&mut trainer, &mut again] {
-        while t.steps() < 4 {
-            t.step().expect("finite");
-        }
-    }
-    assert!(
-        trainer.keep() == again.keep(),
-        "the bits of an unbroken run"
-    );
+    go_on_alike([&mut trainer, &mut again], 4);
     let model = trainer.model(Default::default());
     assert_eq!(model.check(), Ok(()));
     let mut there = model.told(|name| Some(HEAVY.iter().find(|t| t.0 == name)?.1));

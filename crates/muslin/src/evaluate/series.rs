@@ -1,34 +1,32 @@
 //! One line a frame: what changes over time.
 
-use super::frame::Frame;
+use super::{frame::Frame, most};
 
-/// A figure of a frame; none where it is not known.
-type Figure = fn(&Frame) -> Option<f64>;
+/// A figure of a frame; not a number where it is not known.
+type Figure = fn(&Frame) -> f64;
 
 /// The columns after frame and time.
 const COLUMNS: [(&str, Figure); 14] = [
-    ("strain_J", |f| Some(f.strain)),
-    ("bend_J", |f| Some(f.bend)),
-    ("gravity_J", |f| Some(f.gravity)),
-    ("inertia_J", |f| f.inertia),
-    ("total_J", |f| Some(f.total())),
-    ("residual_force_per_weight", |f| Some(f.residual)),
-    ("edge_max", |f| most(&f.edges, 1.0)),
-    ("principal_max", |f| most(&f.large, 1.0)),
-    ("vertices_inside", |f| Some(f.contact.depths.len() as f64)),
+    ("strain_J", |f| f.strain),
+    ("bend_J", |f| f.bend),
+    ("gravity_J", |f| f.gravity),
+    ("inertia_J", |f| f.inertia.unwrap_or(f64::NAN)),
+    ("total_J", Frame::total),
+    ("residual_force_per_weight", |f| f.residual),
+    ("edge_max", |f| most(wide(&f.edges))),
+    ("principal_max", |f| most(wide(&f.large))),
+    ("vertices_inside", |f| f.contact.depths.len() as f64),
     ("depth_max_mm", |f| {
-        Some(most(&f.contact.depths, 1000.0).unwrap_or(0.0))
+        1000.0 * most(wide(&f.contact.depths)).max(0.0)
     }),
-    ("body_intersections", |f| Some(f.contact.pairs as f64)),
-    ("edge_triangle_crossings", |f| Some(f.crossings as f64)),
-    ("acceleration_m_s2", |f| f.acceleration),
-    ("jerk_m_s3", |f| f.jerk),
+    ("body_intersections", |f| f.contact.pairs as f64),
+    ("edge_triangle_crossings", |f| f.crossings as f64),
+    ("acceleration_m_s2", |f| f.acceleration.unwrap_or(f64::NAN)),
+    ("jerk_m_s3", |f| f.jerk.unwrap_or(f64::NAN)),
 ];
 
-/// The largest, times `unit`.
-fn most(values: &[f32], unit: f64) -> Option<f64> {
-    let most = values.iter().copied().reduce(f32::max);
-    most.map(|m| unit * f64::from(m))
+fn wide(values: &[f32]) -> impl Iterator<Item = f64> {
+    values.iter().map(|x| f64::from(*x))
 }
 
 /// The frames as CSV, `fps` of them a second; an empty field where a figure is not known.
@@ -39,9 +37,10 @@ pub fn csv(frames: &[Frame], fps: f64) -> String {
     for f in frames {
         out += &format!("{},{}", f.t, f.t as f64 / fps);
         for (_, of) in COLUMNS {
-            match of(f).filter(|x| x.is_finite()) {
-                Some(x) => out += &format!(",{x}"),
-                None => out.push(','),
+            out.push(',');
+            let x = of(f);
+            if x.is_finite() {
+                out += &x.to_string();
             }
         }
         out.push('\n');
