@@ -240,6 +240,7 @@ Examples:
   muslin train -o tee.muslin
   muslin train --garment tee --fabric cotton-jersey --motion clips/ --motion walk -o tee.muslin
   muslin train ncs --garment tee -o ncs.muslin     a published system on the same body and garment
+  muslin train pbns --garment trousers,tee -o look.muslin     several garments, one over the other
 
 OUT.csv has the curve of the training, OUT.report.json what came of it. What is learnt is kept in
 OUT.muslin.part; after Ctrl-C or a crash the same command with --resume goes on to the same bits.")]
@@ -257,7 +258,7 @@ pub struct Train {
     /// be given several times [default: all built-in motions].
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub motion: Vec<String>,
-    /// Who wears what; one garment. `--fabric any` teaches every fabric: between cloths of our list.
+    /// Who wears what; one garment, of pbns also several. `--fabric any` teaches every fabric: between cloths of our list.
     #[command(flatten)]
     pub wearing: Wearing,
     /// Whether one body is taught or any adult shape of it.
@@ -266,7 +267,7 @@ pub struct Train {
     /// Whether one size is taught or any, from a little tight to several too large.
     #[arg(long, value_enum, default_value_t = Which::One)]
     pub sizes: Which,
-    /// The model, a .muslin file.
+    /// The model, a .muslin file; of several garments OUT.GARMENT.muslin for each.
     #[arg(short, long, default_value = "tee.muslin")]
     pub out: PathBuf,
     /// A model of the same garment to begin with: of coarser cloth (--edge), which is taught in less time, of
@@ -321,18 +322,26 @@ Examples:
   muslin animate --model tee.muslin --motion dance.bvh --npz dance.npz --picture -o dance.glb
   muslin animate --model tee.muslin --motion walk --refine 0 -o raw.glb      as predicted, unchecked
   muslin animate --garment skirt --motion spin --motion-level 0.7            with less swing
+  muslin animate --garment trousers:denim,tee --motion run -o run.glb        one over the other
   muslin animate --garment tee --motion walk --bake morphs -o small.glb      a small file for the web
   muslin animate --body hero.glb --model hero-tee.muslin --motion walk       a character, taught with train --body
 
 OUT.report.json says how good the result is.")]
 pub struct Animate {
-    /// A garment of the wardrobe, trained already: tee, trousers, skirt or dress; or
-    /// GARMENT:FABRIC [default: tee].
-    #[arg(long, value_name = "NAME", conflicts_with = "model")]
-    pub garment: Option<String>,
-    /// A model of your own, as `muslin train` wrote it.
+    /// Garments of the wardrobe, trained already: tee, trousers, skirt or dress; or GARMENT:FABRIC;
+    /// innermost first, repeated or comma-separated [default: tee].
+    #[arg(
+        long,
+        visible_alias = "outfit",
+        value_name = "NAME",
+        value_delimiter = ',',
+        conflicts_with = "model"
+    )]
+    pub garment: Vec<String>,
+    /// A model of your own, as `muslin train` wrote it; given several times, they are worn one over the
+    /// other, innermost first.
     #[arg(long, value_name = "FILE.muslin")]
-    pub model: Option<PathBuf>,
+    pub model: Vec<PathBuf>,
     /// Who wears it: our own body, or a rigged character (.glb, .gltf, .vrm), as a rule the one that the
     /// model was taught on.
     #[arg(long, value_name = "anny|FILE", default_value = OWN)]
@@ -618,17 +627,27 @@ impl Train {
 impl Animate {
     /// The same in the library's words.
     pub fn options(&self) -> AnimateOptions {
-        let mut worn = Wear::parse(self.garment.as_deref().unwrap_or("tee"));
-        worn.fabric = worn.fabric.or_else(|| self.fabric.clone());
+        // A model's garment stands in its file.
+        let named = match self.garment.as_slice() {
+            [] => vec!["tee"; self.model.len().max(1)],
+            named => named.iter().map(String::as_str).collect(),
+        };
+        let worn = |name: &str| {
+            let worn = Wear::parse(name);
+            Wear {
+                fabric: worn.fabric.or_else(|| self.fabric.clone()),
+                ..worn
+            }
+        };
         let dress = DressOptions {
-            outfit: vec![worn],
+            outfit: named.into_iter().map(worn).collect(),
             body: character(&self.body),
             allow_crossings: self.allow_crossings,
             backdrop: self.backdrop.into(),
             ..self.build.of(SimulateOptions::default().dress)
         };
         AnimateOptions {
-            model: self.model.clone(),
+            models: self.model.clone(),
             simulate: self.shot.of(SimulateOptions {
                 dress,
                 motion: self.motion.clone(),

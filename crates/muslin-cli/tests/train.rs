@@ -401,6 +401,8 @@ fn options_of_another_trainer_are_refused_by_name() {
         ("snug", "--augment", "0.1"),
         ("pbns", "--fabric", "any"),
         ("ncs", "--shape", "any"),
+        ("snug", "--sizes", "any"),
+        ("ncs", "--garment", "shorts,tee"),
     ] {
         let done = published(system, &out, &[option, value]);
         assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
@@ -408,4 +410,80 @@ fn options_of_another_trainer_are_refused_by_name() {
     }
     let done = published("vae", &out, &[]);
     assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
+}
+
+#[test]
+fn an_outfit_is_taught_in_layers_and_its_garments_are_played_one_over_the_other() {
+    let folder = Folder::new("layers");
+    let out = folder.at("look.muslin");
+    let more = ["--garment", "shorts,tee", "--steps", "3", "--mixed", "0"];
+    let done = published("pbns", &out, &more);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let files = [
+        "look.csv",
+        "look.report.json",
+        "look.shorts.muslin",
+        "look.tee.muslin",
+    ];
+    assert_eq!(folder.names(), files);
+    let (shorts, tee) = (folder.at(files[2]), folder.at(files[3]));
+    let worn = |models: [&str; 2]| {
+        let (glb, npz) = (folder.at("w.glb"), folder.at("w.npz"));
+        let [inner, outer] = models;
+        let args = [
+            "animate",
+            "--model",
+            inner,
+            "--model",
+            outer,
+            "--motion",
+            "wave",
+            "--seconds",
+            "0.2",
+        ];
+        muslin(&[&args[..], &["--refine", "0", "-o", &glb, "--npz", &npz]].concat())
+    };
+    let done = worn([&shorts, &tee]);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let report = std::fs::read_to_string(folder.at("w.report.json")).expect("written");
+    assert!(report.contains("\"over\": \"shorts\""), "{report}");
+    let layered = ["w.shorts.npz", "w.tee.npz"]
+        .map(|name| muslin_io::read_clip(&folder.0.join(name)).expect("one file a garment"));
+    assert!(layered.iter().all(|c| c.drape.frames.len() == 6));
+    // Each plays alone as well, and the inner one as it did in the outfit.
+    let alone = raw(&folder, &shorts, &[]);
+    assert!(alone.drape.frames == layered[0].drape.frames);
+    // An outfit is of one size.
+    let other = folder.at("other.muslin");
+    let large = [
+        "--garment",
+        "tee",
+        "--size",
+        "L",
+        "--steps",
+        "1",
+        "--mixed",
+        "0",
+    ];
+    let done = published("pbns", &other, &large);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let done = worn([&shorts, &other]);
+    assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
+    assert!(errors(&done).contains("another size"), "{}", errors(&done));
+}
+
+#[test]
+fn pbns_learns_to_resize_a_garment_and_plays_it_on_others() {
+    let folder = Folder::new("resized");
+    let model = folder.at("tee.muslin");
+    let any = [
+        "--shape", "any", "--sizes", "any", "--steps", "3", "--mixed", "0",
+    ];
+    let done = published("pbns", &model, &any);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let wide = raw(&folder, &model, &["--weight", "80", "--size", "XL"]);
+    let report = std::fs::read_to_string(folder.at("w.report.json")).expect("written");
+    assert!(report.contains("\"not_taught\": []"), "{report}");
+    let own = raw(&folder, &model, &[]);
+    assert!(wide.drape.frames[0] != own.drape.frames[0]);
 }

@@ -65,6 +65,29 @@ fn a_garment_of_the_wardrobe_is_played_without_training_on_other_bodies_and_in_o
 }
 
 #[test]
+fn garments_of_the_wardrobe_are_played_one_over_the_other() {
+    let folder = Folder::new("outfit");
+    let (code, report, said) = play(&folder, &["--garment", "trousers:denim,tee"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(report.contains("\"checked\": \"exact\""), "{report}");
+    assert!(
+        report.contains("\"frames_with_self_crossings\": 0"),
+        "{report}"
+    );
+    let read = |name: &str| muslin_io::read_clip(&folder.0.join(name)).expect("it can be read");
+    let [trousers, tee] = ["w.trousers.npz", "w.tee.npz"].map(read);
+    // The shirt's hem hangs over the waistband.
+    let ends = |clip: &muslin_io::Clip| {
+        let y = clip.drape.frames[0].iter().map(|p| p.y);
+        [
+            y.clone().fold(f64::MAX, f64::min),
+            y.fold(f64::MIN, f64::max),
+        ]
+    };
+    assert!(ends(&tee)[0] < ends(&trousers)[1] - 0.05);
+}
+
+#[test]
 fn what_is_not_in_the_wardrobe_is_said_with_what_is() {
     let folder = Folder::new("no-such-model");
     let (code, _, said) = play(&folder, &["--garment", "shorts"]);

@@ -124,5 +124,6 @@ fn model((n, codes, width): (usize, usize, usize), swings: usize) -> Model {
             means: noise.normals(3 * SAMPLES * swings),
             ..Sway::default()
         }),
+        resizer: None,
     }
 }

@@ -58,9 +58,9 @@ impl Blocks {
             bones: Vec::new(),
             weights: Vec::new(),
         };
-        let order = out.order.clone();
+        let (order, laid) = (out.order.clone(), model.laid());
         for verts in order.chunks(WIDE) {
-            out.shape(model, verts);
+            out.shape((model, &laid), verts);
             out.follow(&model.skin, verts);
         }
         out
@@ -71,8 +71,8 @@ impl Blocks {
         &self.modes[3 * self.n_codes * block..3 * self.n_codes * (block + 1)]
     }
 
-    /// Adds the shapes of a block.
-    fn shape(&mut self, model: &Model, verts: &[u32]) {
+    /// Adds the shapes of a block of a model that lies there at rest [m].
+    fn shape(&mut self, (model, laid): (&Model, &[[f32; 3]]), verts: &[u32]) {
         let constant = model.n_codes() - 1;
         let row = |v: u32, axis: usize| 3 * v as usize + axis;
         let at = |v: u32, axis: usize, c: usize| entry(model, row(v, axis), c);
@@ -81,7 +81,7 @@ impl Blocks {
         for (i, &v) in verts.iter().enumerate() {
             for axis in 0..3 {
                 let fixed = model.modes[row(v, axis) * (constant + 1) + constant];
-                base[axis].0[i] = model.template[v as usize][axis] + fixed;
+                base[axis].0[i] = laid[v as usize][axis] + fixed;
                 let all = (0..self.n_codes).map(|c| at(v, axis, c) / self.by_code[c]);
                 most = all.fold(most, |a, x| a.max(x.abs()));
             }

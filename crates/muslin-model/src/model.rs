@@ -1,8 +1,9 @@
 //! What a trained garment consists of.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
-use crate::{Encoder, Sway};
+use crate::{Encoder, Resizer, Sway};
 
 /// Which bones move each vertex, and how strongly.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -85,12 +86,52 @@ pub struct Model {
     pub modes: Vec<f32>,
     /// How the cloth swings, if that is known.
     pub sway: Option<Sway>,
+    /// How it lies at rest on others, where that was taught on its own.
+    pub resizer: Option<Resizer>,
 }
 
 impl Model {
     /// How many vertices the cloth has.
     pub fn n_verts(&self) -> usize {
         self.template.len()
+    }
+
+    /// One garment of an outfit that was taught as one: these vertices and triangles, under the same network. What
+    /// swings is left out, for it is of the whole.
+    ///
+    /// # Panics
+    /// Where a triangle has a corner outside of them.
+    #[must_use]
+    pub fn garment(&self, verts: Range<usize>, faces: Range<usize>) -> Self {
+        let inside = |v: u32| {
+            assert!(verts.contains(&(v as usize)), "a corner of another garment");
+            v - verts.start as u32
+        };
+        let entries = &self.skin.starts[verts.start..=verts.end];
+        let own = entries[0] as usize..entries[entries.len() - 1] as usize;
+        let row = 3 * self.n_codes();
+        Self {
+            faces: (self.faces[faces].iter()).map(|f| f.map(inside)).collect(),
+            template: self.template[verts.clone()].to_vec(),
+            skin: Skin {
+                starts: entries.iter().map(|s| s - entries[0]).collect(),
+                bones: self.skin.bones[own.clone()].to_vec(),
+                weights: self.skin.weights[own].to_vec(),
+            },
+            modes: self.modes[verts.start * row..verts.end * row].to_vec(),
+            notes: self.notes.clone(),
+            bones: self.bones.clone(),
+            drivers: self.drivers.clone(),
+            traits: self.traits.clone(),
+            scale: self.scale.clone(),
+            encoder: self.encoder.clone(),
+            params: self.params.clone(),
+            sway: None,
+            resizer: self.resizer.as_ref().map(|r| Resizer {
+                modes: r.modes[3 * verts.start * r.n_codes()..3 * verts.end * r.n_codes()].to_vec(),
+                ..r.clone()
+            }),
+        }
     }
 
     /// Whether its share of motion can be turned up and down.

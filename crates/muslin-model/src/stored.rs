@@ -5,15 +5,17 @@ use muslin_net::learn::{Mlp, Nonlinear};
 use muslin_net::{Array, Numbers, Weights};
 
 use crate::packed::{Packed, bytes_of, stepped, unpacked, unstepped};
-use crate::{Encoder, Model, ModelError, Ncs, Skin, Snug, Sway, Trait};
+use crate::{Encoder, Model, ModelError, Ncs, Resizer, Skin, Snug, Sway, Trait};
 
 /// What the notes say of the kind of file: with a network of our own, with one that a note names, with a
-/// network of our own that is told traits, and with one of our own whose shapes are 12-bit steps.
-const FORMATS: [&str; 4] = [
+/// network of our own that is told traits, with one of our own whose shapes are 12-bit steps, and with one that a
+/// note names and a resizer.
+const FORMATS: [&str; 5] = [
     "muslin-garment 1",
     "muslin-garment 2",
     "muslin-garment 3",
     "muslin-garment 4",
+    "muslin-garment 5",
 ];
 
 /// A byte names no more bones.
@@ -33,12 +35,16 @@ impl Model {
         let (format, mlp) = match &self.encoder {
             Encoder::Plain(m) if self.traits.is_empty() => (FORMATS[0], Some(m)),
             Encoder::Plain(m) => (FORMATS[2], Some(m)),
+            Encoder::Pbns(m) if self.resizer.is_some() => (FORMATS[4], Some(m)),
             Encoder::Pbns(m) => (FORMATS[1], Some(m)),
             Encoder::Snug(_) => (FORMATS[1], None),
             Encoder::Ncs(n) => (FORMATS[1], Some(&n.still)),
         };
         note(&mut out, "format", format.into());
-        if format == FORMATS[1] {
+        if let Some(r) = &self.resizer {
+            note(&mut out, "resizer", r.net.bend.name().into());
+        }
+        if [FORMATS[1], FORMATS[4]].contains(&format) {
             note(&mut out, "network", self.encoder.name().into());
         }
         if !self.traits.is_empty() {
@@ -116,6 +122,24 @@ impl Model {
             &[3 * n, self.n_codes()],
             Numbers::F16(halves(&self.modes)),
         );
+        if let Some(r) = &self.resizer {
+            let widths = r.net.widths.iter().map(|w| *w as u32).collect();
+            add(
+                "resizer.widths",
+                &[r.net.widths.len()],
+                Numbers::U32(widths),
+            );
+            add(
+                "resizer.params",
+                &[r.params.len()],
+                Numbers::F16(halves(&r.params)),
+            );
+            add(
+                "resizer.modes",
+                &[3 * n, r.n_codes()],
+                Numbers::F16(halves(&r.modes)),
+            );
+        }
         if let Some(s) = &self.sway {
             let (k, m) = (s.len(), s.samples.len());
             let list = |x: &[f32]| Numbers::F32(x.to_vec());
@@ -196,7 +220,7 @@ impl Model {
                 true => from.traits()?,
                 false => Vec::new(),
             },
-            encoder: match format == FORMATS[1] {
+            encoder: match [FORMATS[1], FORMATS[4]].contains(&format) {
                 true => from.encoder()?,
                 false => Encoder::Plain(from.mlp("encoder.widths")?),
             },
@@ -206,6 +230,10 @@ impl Model {
                 false => from.f32s("modes")?,
             },
             sway: from.sway()?,
+            resizer: match format == FORMATS[4] {
+                true => Some(from.resizer()?),
+                false => None,
+            },
         };
         model.check()?;
         Ok(model)
@@ -235,13 +263,17 @@ impl Model {
         fits("skin.bones", self.skin.bones.iter().all(bone))?;
         let drivers = self.drivers.len();
         let traits = self.traits.len();
+        // A resizer reads them in the encoder's stead.
+        let told = if self.resizer.is_some() { 0 } else { traits };
         fits(
             "encoder.widths",
-            drivers > 0 && self.encoder.fits(drivers, traits),
+            drivers > 0 && self.encoder.fits(drivers, told),
         )?;
+        let resized = |r: &Resizer| r.fits(n, traits);
+        fits("resizer", self.resizer.as_ref().is_none_or(resized))?;
         fits(
             "scale",
-            self.scale.len() == self.encoder.n_inputs(drivers) + self.encoder.n_told(traits),
+            self.scale.len() == self.encoder.n_inputs(drivers) + self.encoder.n_told(told),
         )?;
         fits("bones", self.bones.len() <= MOST_BONES)?;
         let ordered = |t: &Trait| {
@@ -353,6 +385,20 @@ impl<'a> From<'a> {
             walls,
             rooms,
         }))
+    }
+
+    /// The network that lays the cloth on others.
+    fn resizer(&self) -> Result<Resizer, ModelError> {
+        let bend = Nonlinear::named(self.note("resizer")?);
+        Ok(Resizer {
+            net: Mlp {
+                widths: self.sizes("resizer.widths")?,
+                bend: bend.ok_or_else(|| ModelError::wrong("resizer", "is of an unknown kind"))?,
+                bias: true,
+            },
+            params: self.f32s("resizer.params")?,
+            modes: self.f32s("resizer.modes")?,
+        })
     }
 
     /// Learnt shapes that are packed.

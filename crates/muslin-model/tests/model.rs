@@ -46,6 +46,7 @@ fn model() -> Model {
         modes: noise.normals(3 * n * 7).iter().map(|x| 0.02 * x).collect(),
         traits: Vec::new(),
         sway: None,
+        resizer: None,
     }
 }
 

@@ -82,6 +82,7 @@ impl Stage {
             modes,
             traits: Vec::new(),
             sway: None,
+            resizer: None,
         }
     }
 

@@ -56,12 +56,14 @@ fn model() -> Model {
             .collect(),
         traits: Vec::new(),
         sway: Some(sway),
+        resizer: None,
     }
 }
 
 fn still(model: &Model) -> Model {
     Model {
         sway: None,
+        resizer: None,
         ..model.clone()
     }
 }

@@ -13,6 +13,7 @@ mod linear;
 mod mlp;
 mod nonlinear;
 mod product;
+mod sgd;
 mod start;
 
 pub use adam::{Adam, AdamState};
@@ -21,4 +22,5 @@ pub use linear::Linear;
 pub use mlp::{Mlp, MlpTape};
 pub use nonlinear::Nonlinear;
 pub use product::{View, multiply};
+pub use sgd::Sgd;
 pub use start::Noise;

@@ -1,6 +1,8 @@
 //! The layers that learn, against an independent implementation and against finite differences.
 
-use muslin_net::learn::{Adam, AdamState, Gru, GruTape, Linear, Mlp, MlpTape, Noise, Nonlinear};
+use muslin_net::learn::{
+    Adam, AdamState, Gru, GruTape, Linear, Mlp, MlpTape, Noise, Nonlinear, Sgd,
+};
 use serde_json::Value;
 
 fn fixture(layer: &str) -> impl Fn(&str) -> Vec<f32> {
@@ -28,17 +30,23 @@ fn close(what: &str, got: &[f32], want: &[f32]) {
 
 #[test]
 fn a_perceptron_and_its_gradient_are_those_of_jax() {
-    let f = fixture("mlp");
-    let mlp = Mlp {
-        widths: vec![3, 4, 2],
-        bend: Nonlinear::Silu,
-        bias: true,
-    };
-    let (params, mut tape) = (f("params"), MlpTape::default());
-    close("y", mlp.forward(&params, (&f("x"), 5), &mut tape), &f("y"));
-    let mut d = vec![0.0; mlp.n_params()];
-    mlp.backward(&params, &tape, &f("weights"), &mut d);
-    close("gradient", &d, &f("gradient"));
+    for (layer, bend) in [("mlp", Nonlinear::Silu), ("selu", Nonlinear::Selu)] {
+        let f = fixture(layer);
+        let mlp = Mlp {
+            widths: vec![3, 4, 2],
+            bend,
+            bias: true,
+        };
+        let (params, mut tape) = (f("params"), MlpTape::default());
+        close(
+            layer,
+            mlp.forward(&params, (&f("x"), 5), &mut tape),
+            &f("y"),
+        );
+        let mut d = vec![0.0; mlp.n_params()];
+        mlp.backward(&params, &tape, &f("weights"), &mut d);
+        close(layer, &d, &f("gradient"));
+    }
 }
 
 #[test]
@@ -78,13 +86,32 @@ fn twenty_steps_of_adam_end_where_the_paper_says() {
         ..Adam::default()
     };
     for _ in 0..20 {
-        let g: Vec<f32> = (p.iter().enumerate())
-            .map(|(k, p)| p.powi(3) - p * 2.0 * k as f32 / 7.0 + 1.0)
-            .collect();
+        let g = valleys(&p);
         adam.step(&mut state, &mut p, &g);
     }
     close("parameters", &p, &f("end"));
     assert_eq!(state.steps, 20);
+}
+
+/// Slopes of a function of several valleys.
+fn valleys(p: &[f32]) -> Vec<f32> {
+    let slope = |(k, p): (usize, &f32)| p.powi(3) - p * 2.0 * k as f32 / 7.0 + 1.0;
+    p.iter().enumerate().map(slope).collect()
+}
+
+#[test]
+fn twenty_steps_with_momentum_end_where_those_of_jax_do() {
+    let f = fixture("momentum");
+    let (mut p, mut velocity) = (f("start"), Vec::new());
+    let sgd = Sgd {
+        rate: 0.02,
+        momentum: 0.9,
+    };
+    for _ in 0..20 {
+        let g = valleys(&p);
+        sgd.step(&mut velocity, &mut p, &g);
+    }
+    close("parameters", &p, &f("end"));
 }
 
 /// `loss` and its gradient at `p`, against central differences in every direction of `p`.
@@ -116,7 +143,13 @@ fn weighted(y: &[f32], t: &[f32]) -> f64 {
 #[test]
 fn every_nonlinear_has_the_slope_of_its_value() {
     let x: Vec<f32> = (-20..20).map(|i| 0.17 * i as f32 + 0.05).collect();
-    for f in [Nonlinear::Relu, Nonlinear::Tanh, Nonlinear::Silu] {
+    let all = [
+        Nonlinear::Relu,
+        Nonlinear::Tanh,
+        Nonlinear::Silu,
+        Nonlinear::Selu,
+    ];
+    for f in all {
         let mut d = vec![1.0; x.len()];
         f.backward(&x, &mut d);
         check_slope(&x, &d, |x| {

@@ -177,15 +177,7 @@ impl<'a> Skinned<'a> {
     /// The wall of the `skin` nearest to each vertex of the cloth at `x` [m], however deep the vertex
     /// lies behind it; none where there is no nearest triangle.
     pub fn walls(&self, skin: &Posed, x: &[DVec3]) -> Vec<Wall> {
-        let wall = |(hit, x): (Option<Closest>, &DVec3)| {
-            let Some(hit) = hit else { return OPEN };
-            let n = match hit.signed.abs() > f64::from(TOUCHING) {
-                true => (*x - hit.point) / hit.signed,
-                false => hit.normal,
-            };
-            let [a, b, c] = n.as_vec3().to_array();
-            [a, b, c, n.dot(hit.point) as f32]
-        };
+        let wall = |(hit, x): (Option<Closest>, &DVec3)| hit.map_or(OPEN, |hit| plane(&hit, *x));
         self.closest(skin, x).into_iter().zip(x).map(wall).collect()
     }
 
@@ -272,8 +264,18 @@ fn crowded(surface: &Surface, hit: &Closest) -> bool {
     other.is_some_and(|c| c.signed < 0.3 * ROOM)
 }
 
+/// The plane through the nearest point of a surface that looks towards `x` [m] from the outside.
+pub(crate) fn plane(hit: &Closest, x: DVec3) -> Wall {
+    let n = match hit.signed.abs() > f64::from(TOUCHING) {
+        true => (x - hit.point) / hit.signed,
+        false => hit.normal,
+    };
+    let [a, b, c] = n.as_vec3().to_array();
+    [a, b, c, n.dot(hit.point) as f32]
+}
+
 /// Which triangles have a corner on an edge that belongs to no other.
-fn rim(faces: &[[u32; 3]]) -> Vec<bool> {
+pub(crate) fn rim(faces: &[[u32; 3]]) -> Vec<bool> {
     let mut edges: Vec<[u32; 2]> = (faces.iter())
         .flat_map(|f| (0..3).map(|k| [f[k].min(f[(k + 1) % 3]), f[k].max(f[(k + 1) % 3])]))
         .collect();

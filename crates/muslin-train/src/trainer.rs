@@ -324,6 +324,7 @@ impl Training for Trainer<'_> {
             params: self.now.params.clone(),
             modes: self.now.modes.clone(),
             sway: None,
+            resizer: None,
         }
     }
 

@@ -1,4 +1,4 @@
-//! Playing a trained garment: from a model and a motion to an animation on disk.
+//! Playing trained garments: from models and a motion to an animation on disk.
 
 mod frames;
 mod options;
@@ -9,7 +9,6 @@ use muslin_body::Avatar;
 use muslin_geom::{Report, Value};
 use muslin_io::{read_file, read_weights};
 use muslin_model::{Model, ModelError};
-use muslin_sim::Cloth;
 
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
@@ -30,7 +29,7 @@ use crate::train::topology;
 use crate::traits;
 use crate::wardrobe;
 use crate::watch::Watch;
-use muslin_garment::Cut;
+use muslin_garment::{Cut, Garment};
 
 use frames::{Played, play};
 pub(crate) use frames::{along, predict, refined};
@@ -41,7 +40,7 @@ const STAGES: usize = 5;
 /// Models with more bytes are refused.
 const MOST_BYTES: u64 = 256 << 20;
 
-/// Plays a model on a motion and writes the animation to `out` (a `.glb`), with `NAME.report.json`
+/// Plays a model on a motion, or several garments one over the other, and writes the animation to `out` (a `.glb`), with `NAME.report.json`
 /// beside it.
 ///
 /// Cloth of our own models swings on from where the first frame was led to, `refine` iterations for each
@@ -57,13 +56,14 @@ pub fn animate(
     options.check(out)?;
     let hero = Hero::load(&options.simulate.dress)?;
     let avatar = avatar_of(hero.as_ref())?;
-    let model = match &options.model {
-        Some(path) => read_model(path)?,
-        None => wardrobe::model(&options.simulate.dress.outfit[0].garment)?,
-    };
-    knows(&model, options)?;
-    let simulate = as_trained(&model, &options.simulate)?;
-    wants_character(&model, hero.as_ref())?;
+    let models = models(options)?;
+    for model in &models {
+        knows(model, options)?;
+    }
+    let simulate = as_trained(&models, &options.simulate)?;
+    for model in &models {
+        wants_character(model, hero.as_ref())?;
+    }
     let folders = Folders::open(out, &simulate)?;
     let mut stage = Theatre {
         hero: hero.as_ref(),
@@ -73,10 +73,22 @@ pub fn animate(
         times: Report::default(),
         warnings: Vec::new(),
     };
-    let set = stage.set(&avatar, &model, &simulate)?;
-    let stranger = stage.strangers(&model, &set, &simulate.dress)?;
-    let model = stage.swinging(set.told(model)?, &set, stranger)?;
-    stage.perform((&set, &model), &simulate, (out, folders))
+    let set = stage.set(&avatar, &models, &simulate)?;
+    let strangers = stage.strangers(&models, &set, &simulate.dress)?;
+    let mut ready = Vec::with_capacity(models.len());
+    for (k, (model, stranger)) in models.into_iter().zip(strangers).enumerate() {
+        ready.push(stage.swinging((k, set.told(k, model)?), &set, stranger)?);
+    }
+    stage.perform((&set, &ready), &simulate, (out, folders))
+}
+
+/// The models that are asked for, innermost first.
+fn models(options: &AnimateOptions) -> Result<Vec<Model>, Failure> {
+    if options.models.is_empty() {
+        let worn = &options.simulate.dress.outfit;
+        return worn.iter().map(|w| wardrobe::model(&w.garment)).collect();
+    }
+    options.models.iter().map(|p| read_model(p)).collect()
 }
 
 /// The model in a file.
@@ -130,12 +142,47 @@ pub(crate) fn model_failure(e: &ModelError) -> Failure {
         .hint("give a file that `muslin train` wrote")
 }
 
-/// The options with the garment that the model was trained with, and with its body and fabric where no
-/// other was asked for.
+/// The options with the garments that the models were trained with, and with their body and fabrics where no
+/// others were asked for. An outfit is of one body, cut, size and edge.
 pub(crate) fn as_trained(
-    model: &Model,
+    models: &[Model],
     asked: &SimulateOptions,
 ) -> Result<SimulateOptions, Failure> {
+    let mut all: Option<DressOptions> = None;
+    for (k, model) in models.iter().enumerate() {
+        let own = dress_of((k, model), &asked.dress)?;
+        let Some(first) = &mut all else {
+            all = Some(own);
+            continue;
+        };
+        let same = [
+            ("height", first.height == own.height),
+            ("weight", first.weight == own.weight),
+            ("gender", first.gender == own.gender),
+            ("edge", first.edge == own.edge),
+            ("cut", first.cut == own.cut),
+            ("size", first.size == own.size),
+        ];
+        if let Some((what, _)) = same.iter().find(|s| !s.1) {
+            let garments = [&first.outfit[0], &own.outfit[0]].map(|w| w.garment.as_str());
+            let what = format!(
+                "{} and {} were taught with another {what}",
+                garments[0], garments[1]
+            );
+            return Err(Failure::new(Exit::Usage, "other-outfit", what)
+                .at("--model")
+                .hint("train them with the same options, or play them one by one"));
+        }
+        first.outfit.extend(own.outfit);
+    }
+    Ok(SimulateOptions {
+        dress: all.unwrap_or_else(|| asked.dress.clone()),
+        ..asked.clone()
+    })
+}
+
+/// The same of one model, number `k` of the outfit.
+fn dress_of((k, model): (usize, &Model), asked: &DressOptions) -> Result<DressOptions, Failure> {
     let note = |name: &str| note_of(model, name);
     let number = |name: &str| number(model, name);
     let cut = match note("cut") {
@@ -143,23 +190,19 @@ pub(crate) fn as_trained(
         "loose" => Cut::Loose,
         _ => Cut::Regular,
     };
-    let fabric = asked.dress.outfit.first().and_then(|w| w.fabric.clone());
+    let fabric = asked.outfit.get(k).and_then(|w| w.fabric.clone());
     let wear = Wear {
         garment: note("garment").to_owned(),
         fabric: fabric.or_else(|| Some(note("fabric").to_owned())),
     };
-    let dress = DressOptions {
+    Ok(DressOptions {
         outfit: vec![wear],
-        height: asked.dress.height.or(number("height")?),
-        weight: asked.dress.weight.or(number("weight")?),
-        gender: asked.dress.gender.or(number("gender")?),
-        edge: number("edge")?.unwrap_or(asked.dress.edge),
+        height: asked.height.or(number("height")?),
+        weight: asked.weight.or(number("weight")?),
+        gender: asked.gender.or(number("gender")?),
+        edge: number("edge")?.unwrap_or(asked.edge),
         cut,
-        size: asked.dress.size.or_else(|| Size::parse(note("size")).ok()),
-        ..asked.dress.clone()
-    };
-    Ok(SimulateOptions {
-        dress,
+        size: asked.size.or_else(|| Size::parse(note("size")).ok()),
         ..asked.clone()
     })
 }
@@ -168,9 +211,10 @@ pub(crate) fn note_of<'m>(model: &'m Model, name: &str) -> &'m str {
     model.notes.get(name).map_or("", String::as_str)
 }
 
-/// Whether body, shape, fabric and size are others than those that a model's file is of.
+/// Whether body, shape, fabric and size are others than those that a model's file is of, for garment `k` of an
+/// outfit.
 pub(crate) fn others(
-    model: &Model,
+    (k, model): (usize, &Model),
     dress: &DressOptions,
     body: &str,
 ) -> Result<[bool; 4], Failure> {
@@ -182,7 +226,7 @@ pub(crate) fn others(
     Ok([
         model.notes.contains_key("body") && note_of(model, "body") != body,
         shape,
-        Some(note_of(model, "fabric")) != dress.outfit[0].fabric.as_deref(),
+        Some(note_of(model, "fabric")) != dress.outfit[k].fabric.as_deref(),
         note_of(model, "size") != dress.size.map_or("", Size::label),
     ])
 }
@@ -221,11 +265,11 @@ impl<'a> Theatre<'a, '_> {
         }
     }
 
-    /// Body, motion and garment, as the model knows them.
+    /// Body, motion and garments, as the models know them.
     fn set<'s>(
         &mut self,
         avatar: &'s Avatar,
-        model: &Model,
+        models: &[Model],
         simulate: &SimulateOptions,
     ) -> Result<Set<'s>, Failure>
     where
@@ -250,7 +294,7 @@ impl<'a> Theatre<'a, '_> {
             moving.motion.fps
         );
         self.done(2, "motion", told)?;
-        self.warn(other_rate(model, simulate.fps));
+        self.warn(models.iter().find_map(|m| other_rate(m, simulate.fps)));
         let mut warnings = Vec::new();
         let tailor = self.hero.map_or(avatar, |h| &h.base);
         let outfit = Outfit::make(tailor, &simulate.dress, |w| warnings.push(w.to_owned()))?;
@@ -261,33 +305,37 @@ impl<'a> Theatre<'a, '_> {
         let told = tell::pieces(&outfit);
         let mut set = Set::new(avatar, figure, moving, outfit)?;
         set.hero = self.hero;
-        fits(model, &set.cloth)?;
+        for (model, piece) in models.iter().zip(&set.outfit.pieces) {
+            fits(model, &piece.garment)?;
+        }
         self.done(3, "garment", told)?;
         Ok(set)
     }
 
-    /// Says what the model never met, and whether wearer or fabric are others than those that its file
-    /// is of.
+    /// Says what the models never met, and for each whether wearer or fabric are others than those that its
+    /// file is of.
     fn strangers(
         &mut self,
-        model: &Model,
+        models: &[Model],
         set: &Set,
         dress: &DressOptions,
-    ) -> Result<bool, Failure> {
-        let fabric = &set.outfit.pieces[0].fabric;
-        let of_fabric = traits::of_fabric(fabric);
+    ) -> Result<Vec<bool>, Failure> {
         let of_wearer = traits::of_wearer(&set.avatar.measure(&set.figure));
         let of_cut = traits::of_cut(set.outfit.cut_for.as_ref());
-        let [other_body, other_shape, other_fabric, other_size] =
-            others(model, dress, &body_note(self.hero))?;
-        let strange = [
-            (
-                "body",
-                other_body || (other_shape && !traits::taught(model, &of_wearer)),
-            ),
-            ("fabric", other_fabric && !traits::taught(model, &of_fabric)),
-            ("size", other_size && !traits::taught(model, &of_cut)),
-        ];
+        let mut strange = [("body", false), ("fabric", false), ("size", false)];
+        let mut all = Vec::with_capacity(models.len());
+        for (k, (model, piece)) in models.iter().zip(&set.outfit.pieces).enumerate() {
+            let of_fabric = traits::of_fabric(&piece.fabric);
+            let others = others((k, model), dress, &body_note(self.hero))?;
+            let [body, shape, fabric, size] = others;
+            let own = [
+                body || (shape && !traits::taught(model, &of_wearer)),
+                fabric && !traits::taught(model, &of_fabric),
+                size && !traits::taught(model, &of_cut),
+            ];
+            strange.iter_mut().zip(own).for_each(|(s, own)| s.1 |= own);
+            all.push(others.contains(&true));
+        }
         let others: Vec<&str> = strange.iter().filter(|s| s.1).map(|s| s.0).collect();
         let list = others.iter().map(|o| Value::from(*o));
         self.report.set("not_taught", list.collect::<Vec<_>>());
@@ -297,28 +345,33 @@ impl<'a> Theatre<'a, '_> {
                 "the model was taught with another {what}: its folds are laid over this one unchanged"
             )]);
         }
-        Ok(other_body || other_shape || other_fabric || other_size)
+        Ok(all)
     }
 
-    /// The model with the swings of the garment as it is worn: its own, or those of another body or
+    /// Model `k` with the swings of the garment as it is worn: its own, or those of another body or
     /// fabric. The published systems know motion in their own ways, or not at all.
-    fn swinging(&mut self, model: Model, set: &Set, stranger: bool) -> Result<Model, Failure> {
+    fn swinging(
+        &mut self,
+        (k, model): (usize, Model),
+        set: &Set,
+        stranger: bool,
+    ) -> Result<Model, Failure> {
         let wanted = self.options.motion_level != Some(0.0);
         if !swings::are_ours(&model) || !wanted || (model.sway.is_some() && !stranger) {
             return Ok(model);
         }
         self.watch.progress("how it swings");
-        swings::swinging(model, (set.avatar, &set.figure), &set.cloth)
+        swings::swinging(model, (set.avatar, &set.figure), &set.cloth_of(k))
     }
 
     fn perform(
         mut self,
-        (set, model): (&Set, &Model),
+        (set, models): (&Set, &[Model]),
         simulate: &SimulateOptions,
         (out, folders): (&Path, Folders),
     ) -> Result<Outcome, Failure> {
         let level = self.options.motion_level.unwrap_or(1.0);
-        let played = play((set, model), (self.options.refine, level), self.watch)?;
+        let played = play((set, models), (self.options.refine, level), self.watch)?;
         let Played {
             mut reel,
             raw,
@@ -330,14 +383,15 @@ impl<'a> Theatre<'a, '_> {
         let refined = self.options.refine > 0;
         let mut r = Report::default();
         r.set("refine", self.options.refine);
-        if model.has_motion_level() {
+        if models.iter().any(Model::has_motion_level) {
             r.set("motion_level", level);
         }
         r.set("checked", if refined { "exact" } else { "unchecked" });
         r.set("frames_solved_again", again);
         r.set("raw_frames_a_second", raw.rate.round());
         r.set("raw_vertices_inside_percent", raw.inside);
-        r.set("model", notes(model));
+        let notes = models.iter().map(|m| Value::Tree(notes(m)));
+        r.set("models", notes.collect::<Vec<_>>());
         self.report.set("animation", r);
         self.report.set("cloth", quality.report());
         self.warn(quality.warnings(clip.drape.fps));
@@ -383,16 +437,17 @@ impl<'a> Theatre<'a, '_> {
 }
 
 /// Whether the garment that was made is the one that was taught.
-pub(crate) fn fits(model: &Model, cloth: &Cloth) -> Result<(), Failure> {
-    let same = note_of(model, "topology") == topology(&cloth.faces) && model.faces == cloth.faces;
-    let n = cloth.layers.len();
+pub(crate) fn fits(model: &Model, garment: &Garment) -> Result<(), Failure> {
+    let faces = &garment.faces;
+    let same = note_of(model, "topology") == topology(faces) && model.faces == *faces;
+    let n = garment.n_verts();
     if same && model.n_verts() == n {
         return Ok(());
     }
     let what = format!(
-        "the model's cloth has {} vertices and other triangles than the garment that this version cuts ({})",
+        "the model's cloth has {} vertices and other triangles than the {} that this version cuts ({n})",
         model.n_verts(),
-        n
+        garment.name
     );
     Err(Failure::new(Exit::Invalid, "other-garment", what).hint("train it again with this version"))
 }

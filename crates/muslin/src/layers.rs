@@ -18,7 +18,7 @@ const SPREAD: usize = 6;
 const DONE: f64 = 1e-4;
 
 /// A garment that others lie over.
-pub(crate) struct Under {
+struct Under {
     surface: Surface,
     /// Which vertices are on an opening: which side one is on cannot be told there.
     rim: Vec<bool>,
@@ -84,9 +84,35 @@ impl Under {
     }
 }
 
+/// A predicted garment.
+pub(crate) struct Predicted<'g> {
+    pub garment: &'g Garment,
+    /// Where it lies [m].
+    pub x: Vec<DVec3>,
+    /// Whether it was taught to lie over those below it. What is left of crossings then are folds, whose insides look
+    /// outwards: leading cloth out of those tears it.
+    pub taught_over: bool,
+}
+
+/// Garments, innermost first, as one cloth [m]: each is led out of those below it.
+pub(crate) fn stacked<'g>(garments: impl Iterator<Item = Predicted<'g>>) -> Vec<DVec3> {
+    let (mut out, mut under) = (Vec::new(), Vec::new());
+    let mut garments = garments.peekable();
+    while let Some(mut g) = garments.next() {
+        if !g.taught_over {
+            over(&mut g.x, &g.garment.faces, &under);
+        }
+        if garments.peek().is_some() {
+            under.push(Under::new(g.garment, &g.x));
+        }
+        out.extend(g.x);
+    }
+    out
+}
+
 /// Leads the cloth at `x` [m] out of all that it is worn over: first its vertices, then the triangles that
 /// are still crossed by a fold between them.
-pub(crate) fn over(x: &mut [DVec3], faces: &[[u32; 3]], under: &[Under]) {
+fn over(x: &mut [DVec3], faces: &[[u32; 3]], under: &[Under]) {
     if under.is_empty() {
         return;
     }

@@ -58,7 +58,7 @@ impl Playing {
             dress: options.clone(),
             ..SimulateOptions::default()
         };
-        let dress = as_trained(&model, &asked)?.dress;
+        let dress = as_trained(std::slice::from_ref(&model), &asked)?.dress;
         dress.check()?;
         let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
         let figure = standing(&avatar, None, &dress)?.figure;
@@ -67,10 +67,10 @@ impl Playing {
         let (_, stood) = avatar.dressing(&figure);
         let worn = put_on(&avatar, &outfit, &stood)?;
         let cloth = cloth(&outfit, &worn);
-        fits(&model, &cloth)?;
-        let stranger = others(&model, &dress, OURS)?.contains(&true);
+        fits(&model, &outfit.pieces[0].garment)?;
+        let stranger = others((0, &model), &dress, OURS)?.contains(&true);
         let body = (&avatar, &figure);
-        let mut model = wardrobe::around(model, body, (&outfit, &worn[0].verts))?;
+        let mut model = wardrobe::around(model, body, (&outfit, 0, &worn[0].verts))?;
         if swings::are_ours(&model) && (stranger || model.sway.is_none()) {
             model = swings::swinging(model, body, &cloth)?;
         }

@@ -15,6 +15,7 @@ use std::time::Instant;
 use muslin_body::{Avatar, Figure, Motion};
 use muslin_geom::{Report, Value};
 use muslin_io::{Journal, report_json, write_file, write_weights};
+use muslin_model::Model;
 use muslin_train::published::{Published, System};
 use muslin_train::{Told, Trainer, Training};
 
@@ -43,7 +44,8 @@ const STAGES: usize = 5;
 const KEEP_EVERY: f64 = 60.0;
 
 /// Teaches the garment of the options to lie on a moving body, and writes the model to `out` (a
-/// `.muslin`), with `NAME.report.json` and `NAME.csv` (the curve of the training) beside it.
+/// `.muslin`), with `NAME.report.json` and `NAME.csv` (the curve of the training) beside it; of an outfit
+/// `NAME.GARMENT.muslin` for each.
 ///
 /// With a published system it is that which is taught, on the same body, garment and motions.
 ///
@@ -187,31 +189,41 @@ impl School<'_, '_> {
             e.membrane
         );
         self.done(4, "learn", line)?;
-        let mut model = trainer.model(self.notes(class, &sources, &last));
+        let mut model = trainer.model(BTreeMap::new());
         if self.options.system.is_none() {
             let cloth = (&pupil.cloth, pupil.template.as_slice());
             model.sway = swings::swings((avatar, figure), cloth)?;
         }
-        let (weights, off) = small::stored((&model, avatar), (&class.pupils, &shown))?;
-        let bytes = write_weights(&weights);
-        self.report.set("model_bytes", bytes.len());
-        if let Some(off) = off {
-            self.report.set("off_in_file_mm", off * 1e3);
+        let mut files = Vec::with_capacity(class.parts.len() + 2);
+        let mut list = Vec::new();
+        for (k, name) in class.files(out).into_iter().enumerate() {
+            let model = Model {
+                notes: self.notes((class, k), &sources, &last),
+                ..class.part_of(&model, k)
+            };
+            let (weights, off) = small::stored((&model, avatar), (&class.pupils, &shown))?;
+            let bytes = write_weights(&weights);
+            if let Some(off) = off {
+                self.report.set("off_in_file_mm", off * 1e3);
+            }
+            list.push(format!(
+                "{} {:.1} MB",
+                name.display(),
+                bytes.len() as f64 / 1e6
+            ));
+            files.push((name, bytes));
         }
+        let bytes: usize = files.iter().map(|f| f.1.len()).sum();
+        self.report.set("model_bytes", bytes);
         self.told(&last, model.n_codes());
-        self.done(
-            5,
-            "write",
-            format!("{} {:.1} MB", out.display(), bytes.len() as f64 / 1e6),
-        )?;
+        self.done(5, "write", list.join("  "))?;
         self.report.set("seconds", self.times.clone());
         tell::colophon(&mut self.report);
         let json = report_json(&self.report);
-        let files = [
-            (out.to_owned(), bytes),
+        files.extend([
             (out.with_extension("csv"), log.text().into_bytes()),
             (out.with_extension("report.json"), json.into_bytes()),
-        ];
+        ]);
         for (path, bytes) in &files {
             write_file(path, bytes).map_err(|e| file_failure(&e))?;
         }
@@ -284,14 +296,21 @@ impl School<'_, '_> {
     }
 
     /// What the file says of itself.
-    fn notes(&self, class: &Class, sources: &[String], last: &Told) -> BTreeMap<String, String> {
+    fn notes(
+        &self,
+        (class, k): (&Class, usize),
+        sources: &[String],
+        last: &Told,
+    ) -> BTreeMap<String, String> {
         let d = &self.options.dress;
         let sources = &class.sources(sources);
         let system = self.options.system;
+        let over: Vec<&str> = d.outfit[..k].iter().map(|w| w.garment.as_str()).collect();
         let asked = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
         let notes = [
-            ("garment", d.outfit[0].garment.clone()),
-            ("fabric", class.fabric.clone()),
+            ("garment", d.outfit[k].garment.clone()),
+            ("fabric", class.fabrics[k].clone()),
+            ("over", over.join(",")),
             ("fabrics", which(self.options.any_fabric).into()),
             ("shapes", which(self.options.any_shape).into()),
             ("sizes", which(self.options.any_size).into()),
@@ -302,7 +321,7 @@ impl School<'_, '_> {
             ("height", asked(d.height)),
             ("weight", asked(d.weight)),
             ("gender", asked(d.gender)),
-            ("topology", topology(&class.pupils[0].cloth.faces)),
+            ("topology", class.topology(k)),
             ("trained_on", sources.join("; ")),
             ("licence", licence(sources)),
             ("steps", last.step.to_string()),

@@ -8,7 +8,7 @@ use muslin_model::{Model, Player};
 use crate::animate::decode_model;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
-use crate::layers::{Under, over};
+use crate::layers::{Predicted, stacked};
 use crate::outfit::{Outfit, Piece};
 use crate::train::topology;
 use crate::traits;
@@ -85,22 +85,24 @@ impl<'a> Known<'a> {
 
     /// Where it lies [m]; nothing if that is nowhere.
     pub fn laid(&mut self, pose: &Pose) -> Option<Vec<DVec3>> {
-        let (mut out, mut under) = (Vec::new(), Vec::new());
+        let mut garments = Vec::with_capacity(self.pieces.len());
         let bones = self.avatar.bones(self.figure, pose);
         for (piece, player) in &mut self.pieces {
             let mut verts = vec![[0.0; 3]; player.n_verts()];
             player.begin(STEP);
             player.frame(pose, &bones, &mut verts);
             let wide = |p: [f32; 3]| DVec3::from_array(p.map(f64::from));
-            let mut verts: Vec<DVec3> = verts.into_iter().map(wide).collect();
+            let verts: Vec<DVec3> = verts.into_iter().map(wide).collect();
             if !verts.iter().all(|p| p.is_finite()) {
                 return None;
             }
-            over(&mut verts, &piece.garment.faces, &under);
-            under.push(Under::new(&piece.garment, &verts));
-            out.extend(verts);
+            garments.push(Predicted {
+                garment: &piece.garment,
+                x: verts,
+                taught_over: false,
+            });
         }
-        Some(out)
+        Some(stacked(garments.into_iter()))
     }
 }
 
@@ -134,17 +136,17 @@ fn fitted(model: Model, rest: &[DVec3]) -> Model {
     Model { template, ..model }
 }
 
-/// The model of an outfit's first garment, which lies at `start` [m] around a figure as it is dressed, told of
+/// The model of an outfit's garment `k`, which lies at `start` [m] around a figure as it is dressed, told of
 /// that figure and of the fabric.
 pub(crate) fn around(
     model: Model,
     (avatar, figure): (&Avatar, &Figure),
-    (outfit, start): (&Outfit, &[DVec3]),
+    (outfit, k, start): (&Outfit, usize, &[DVec3]),
 ) -> Result<Model, Failure> {
     let weights = weights(&model, avatar)?;
     let template = avatar.at_rest(figure, (&weights, start));
     let of = (
-        &outfit.pieces[0].fabric,
+        &outfit.pieces[k].fabric,
         &avatar.measure(figure),
         outfit.cut_for.as_ref(),
     );

@@ -9,7 +9,12 @@ pub enum Nonlinear {
     Tanh,
     /// `x σ(x)`: a rectifier without a corner (Ramachandran et al. 2017).
     Silu,
+    /// `λ x` above 0, `λ α (eˣ − 1)` below: keeps mean and deviation from layer to layer (Klambauer et al. 2017).
+    Selu,
 }
+
+/// `λ` and `α` of [`Nonlinear::Selu`].
+const SELU: [f32; 2] = [1.050_701, 1.673_263_2];
 
 /// `1 / (1 + e⁻ˣ)`.
 #[inline]
@@ -25,6 +30,10 @@ impl Nonlinear {
             Self::Relu => pairs.for_each(|(y, x)| *y = x.max(0.0)),
             Self::Tanh => pairs.for_each(|(y, x)| *y = x.tanh()),
             Self::Silu => pairs.for_each(|(y, x)| *y = x * sigmoid(*x)),
+            Self::Selu => {
+                let [scale, depth] = SELU;
+                pairs.for_each(|(y, x)| *y = scale * (x.max(0.0) + depth * x.min(0.0).exp_m1()));
+            }
         }
     }
 
@@ -40,6 +49,8 @@ impl Nonlinear {
                 let s = sigmoid(x);
                 s * (1.0 + x * (1.0 - s))
             }
+            Self::Selu if x > 0.0 => SELU[0],
+            Self::Selu => SELU[0] * SELU[1] * x.exp(),
         };
         d.iter_mut().zip(x).for_each(|(d, x)| *d *= slope(*x));
     }
@@ -50,12 +61,13 @@ impl Nonlinear {
             Self::Relu => "relu",
             Self::Tanh => "tanh",
             Self::Silu => "silu",
+            Self::Selu => "selu",
         }
     }
 
     /// The function of that name.
     pub fn named(name: &str) -> Option<Self> {
-        [Self::Relu, Self::Tanh, Self::Silu]
+        [Self::Relu, Self::Tanh, Self::Silu, Self::Selu]
             .into_iter()
             .find(|f| f.name() == name)
     }

@@ -7,9 +7,11 @@
 
 mod clips;
 mod laws;
+mod layers;
 mod ncs;
 mod net;
 mod recipe;
+mod resizer;
 mod sheet;
 mod snug;
 mod state;

@@ -3,18 +3,18 @@
 use muslin_model::{Ncs, Reader};
 use muslin_net::learn::GruTape;
 
-use super::net::Rectified;
+use super::net::Bent;
 use crate::lanes::LANES;
 
 /// What a forward pass leaves: of the still code and the decoder that of the last pose, which
 /// alone is learnt from.
 #[derive(Default)]
 pub(crate) struct NcsTape {
-    still: Rectified,
-    joint: Rectified,
-    whole: Rectified,
+    still: Bent,
+    joint: Bent,
+    whole: Bent,
     steps: Vec<GruTape>,
-    decoder: Rectified,
+    decoder: Bent,
     /// Lanes whose codes are taken as they are.
     detached: usize,
 }

@@ -20,24 +20,24 @@ pub(crate) struct Chance {
 
 /// What a forward pass leaves for the way back.
 pub(crate) enum Tape {
-    Pbns(Box<Rectified>),
+    Pbns(Box<Bent>),
     Snug(SnugTape),
     Ncs(Box<NcsTape>),
 }
 
-/// A perceptron whose last layer is rectified as well.
+/// A perceptron whose last layer is bent as well.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Rectified {
+pub(crate) struct Bent {
     tape: MlpTape,
     out: Vec<f32>,
 }
 
-impl Rectified {
+impl Bent {
     /// Last width × batch.
     pub fn forward(&mut self, mlp: &Mlp, params: &[f32], x: (&[f32], usize)) -> Vec<f32> {
         self.out = mlp.forward(params, x, &mut self.tape).to_vec();
         let mut z = vec![0.0; self.out.len()];
-        Nonlinear::Relu.forward(&self.out, &mut z);
+        mlp.bend.forward(&self.out, &mut z);
         z
     }
 
@@ -49,7 +49,7 @@ impl Rectified {
         d_params: &mut [f32],
         dx: Option<&mut [f32]>,
     ) {
-        Nonlinear::Relu.backward(&self.out, &mut dz);
+        mlp.bend.backward(&self.out, &mut dz);
         mlp.backward_to(params, (&self.tape, &dz), d_params, dx);
     }
 }
@@ -93,10 +93,9 @@ pub(crate) fn encoder(
 
 /// The first weights: Glorot's deviation for PBNS, one for all perceptrons of NCS, biases zero.
 pub(crate) fn start(encoder: &Encoder, noise: &mut Noise) -> Vec<f32> {
-    let glorot = |inputs: usize, outputs: usize| (2.0 / (inputs + outputs) as f64).sqrt();
     match encoder {
         Encoder::Plain(m) => m.start(noise),
-        Encoder::Pbns(m) => random(m, glorot, noise),
+        Encoder::Pbns(m) => glorot(m, noise),
         Encoder::Snug(s) => s.layers().flat_map(|l: Gru| l.start(noise)).collect(),
         Encoder::Ncs(n) => {
             let mut part = |m: &Mlp| random(m, |_, _| sizes::NCS_START, noise);
@@ -107,6 +106,12 @@ pub(crate) fn start(encoder: &Encoder, noise: &mut Noise) -> Vec<f32> {
             out
         }
     }
+}
+
+/// Weights of Glorot's deviation, biases zero.
+pub(crate) fn glorot(mlp: &Mlp, noise: &mut Noise) -> Vec<f32> {
+    let deviation = |inputs: usize, outputs: usize| (2.0 / (inputs + outputs) as f64).sqrt();
+    random(mlp, deviation, noise)
 }
 
 fn random(mlp: &Mlp, deviation: impl Fn(usize, usize) -> f64, noise: &mut Noise) -> Vec<f32> {
@@ -131,7 +136,7 @@ pub(crate) fn forward(
     match encoder {
         Encoder::Plain(_) => unreachable!("no published system has a network of our own"),
         Encoder::Pbns(m) => {
-            let mut tape = Box::<Rectified>::default();
+            let mut tape = Box::<Bent>::default();
             let codes = tape.forward(m, params, (&told[0], LANES));
             (vec![codes], Tape::Pbns(tape))
         }

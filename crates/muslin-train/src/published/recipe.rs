@@ -121,6 +121,16 @@ const PBNS: Recipe = Recipe {
     smoothed: 0,
 };
 
+/// PBNS's resizer: stretch and bending are its own, the rest is PBNS's.
+pub(crate) const RESIZER: Recipe = Recipe {
+    stretch: Stretch::Edges(5.0),
+    bend: Bend::Normals(1e-5),
+    ..PBNS
+};
+
+/// Step size, on the sum over a batch, and momentum of the resizer's training.
+pub(crate) const RESIZING: [f32; 2] = [1e-5, 0.9];
+
 /// SNUG: E 0.7e5 Pa, ν 0.485, 0.47 mm, 426 kg/m³; bending E t³/(12 (1 − ν²)) times the 50 of its
 /// material file; collision by the paper. It pins nothing.
 const SNUG: Recipe = Recipe {
@@ -173,6 +183,8 @@ const NCS: Recipe = Recipe {
 pub(crate) mod sizes {
     /// PBNS: all four layers.
     pub const PBNS: [usize; 4] = [32; 4];
+    /// PBNS's resizer: all four layers.
+    pub const RESIZER: [usize; 4] = [32; 4];
     /// SNUG: each recurrent layer.
     pub const SNUG: usize = 256;
     /// NCS: the still encoder, one joint, all joints, the decoder.

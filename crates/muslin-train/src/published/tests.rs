@@ -5,6 +5,7 @@ use std::sync::LazyLock;
 use glam::DVec3;
 use muslin_body::{Figure, Motion};
 use muslin_model::Model;
+use muslin_net::learn::Noise;
 
 use super::clips::{Batch, Frame};
 use super::net::Chance;
@@ -335,4 +336,205 @@ fn turned_back(trainer: &Published, (frame, lane): (&Frame, usize), v: usize, f:
         glam::DMat3::from_cols_slice(&a[..9]).transpose() * f * f64::from(w)
     };
     trainer.skin.row(v).map(one).sum()
+}
+
+/// The shirt, and the same again a little outside of it.
+static OUTFIT: LazyLock<Class> = LazyLock::new(|| {
+    let mut class = Class::new();
+    let n = class.template.len() as u32;
+    let normals = muslin_geom::vertex_normals(&class.template, &class.cloth.faces);
+    let pairs = class.template.iter().zip(&normals);
+    let outer: Vec<DVec3> = pairs.map(|(p, n)| *p + *n * 0.002).collect();
+    class.template.extend(outer);
+    let cloth = &mut class.cloth;
+    let again: Vec<[u32; 3]> = cloth.faces.iter().map(|f| f.map(|v| v + n)).collect();
+    cloth.faces.extend(again);
+    cloth.rest.extend_from_within(..);
+    cloth.material_of.extend_from_within(..);
+    cloth.layers.extend(vec![1; n as usize]);
+    for v in 0..n as usize {
+        let row = class.weights.row(v).to_vec();
+        class.weights.push(row);
+    }
+    class
+});
+
+fn dressed(course: Course) -> Published<'static> {
+    let motion = Motion {
+        fps: 25.0,
+        poses: OUTFIT.poses[10..27].to_vec(),
+    };
+    let course = Course {
+        fps: 25.0,
+        ..course
+    };
+    Published::new(vec![OUTFIT.lesson()], course, vec![motion]).expect("enough poses")
+}
+
+#[test]
+fn layers_push_each_other_as_their_cost_says_and_no_force_is_lost() {
+    let mut trainer = dressed(Course {
+        rate: 2e-4,
+        ..Course::of(System::Pbns)
+    });
+    trainer.step().expect("finite");
+    let sheet = &mut trainer.wearers[0].sheet;
+    sheet.mass.fill(0.0);
+    sheet.edges.clear();
+    sheet.hinges.clear();
+    sheet.pins.clear();
+    let batch = batch(&trainer);
+    let all = trainer.now.params.len();
+    let shapes = trainer.encoder.n_params()..all;
+    let both = ratio(&mut trainer, &batch, shapes.clone());
+    assert!((both - 1.0).abs() < 0.02, "{both}");
+    // The inner shirt alone: what it feels of the outer one is part of the cost's slope as well.
+    let inner = shapes.start..shapes.start + shapes.len() / 2;
+    let felt = ratio(&mut trainer, &batch, inner.clone());
+    assert!((felt - 1.0).abs() < 0.02, "{felt}");
+    let with = work(&trainer, &batch, &Chance::default());
+    let layers = std::mem::take(&mut trainer.wearers[0].layers);
+    let without = work(&trainer, &batch, &Chance::default());
+    assert_eq!(layers.len(), 1);
+    assert!(with.energies.contact > 2.0 * without.energies.contact);
+    assert!(with.slopes[inner.clone()] != without.slopes[inner]);
+}
+
+#[test]
+fn an_outer_shirt_learns_to_lie_outside() {
+    let mut trainer = dressed(Course::of(System::Pbns));
+    let batch = batch(&trainer);
+    let cost = |t: &Published| work(t, &batch, &Chance::default()).energies.contact;
+    let first = cost(&trainer);
+    for _ in 0..20 {
+        trainer.step().expect("finite");
+    }
+    let last = cost(&trainer);
+    assert!(last < 0.5 * first, "{first} {last}");
+    let model = trainer.model(Default::default());
+    let (n, faces) = (model.n_verts() / 2, model.faces.len() / 2);
+    let parts = [
+        model.garment(0..n, 0..faces),
+        model.garment(n..2 * n, faces..2 * faces),
+    ];
+    let mut player = |m: &Model| {
+        assert_eq!(m.check(), Ok(()));
+        let mut player = muslin_model::Player::new(m, &OUTFIT.avatar).expect("its bones");
+        let mut out = vec![[0.0; 3]; m.n_verts()];
+        let pose = &trainer.clips.motions[0].poses[3];
+        let bones = OUTFIT.avatar.bones(&OUTFIT.figure, pose);
+        player.frame(pose, &bones, &mut out);
+        out
+    };
+    let (whole, apart) = (player(&model), parts.each_ref().map(&mut player).concat());
+    for (a, b) in whole.iter().zip(&apart) {
+        let off = (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f32::max);
+        assert!(off < 2e-5, "{a:?} {b:?}");
+    }
+}
+
+/// The shirt on the usual body and on a heavier one, of which a resizer is told.
+static OTHER: LazyLock<Other> = LazyLock::new(|| Other::new(&CLASS));
+
+fn resizing() -> Published<'static> {
+    let course = Course {
+        fps: 25.0,
+        ..Course::of(System::Pbns)
+    };
+    Published::new(OTHER.lessons(&CLASS), course, vec![CLASS.wave()]).expect("enough poses")
+}
+
+#[test]
+fn a_resizer_has_the_slopes_of_what_its_wearers_cost_at_rest() {
+    let mut trainer = resizing();
+    // Shapes that weigh something.
+    let n = trainer.now.resized.params.len() - 32 * 3 * CLASS.template.len();
+    let shapes = &mut trainer.now.resized.params[n..];
+    let noise = Noise::new(4).normals(shapes.len());
+    shapes
+        .iter_mut()
+        .zip(noise)
+        .for_each(|(p, x)| *p = 5e-4 * x);
+    let resizing = trainer.resizing.as_ref().expect("there is one");
+    let chosen = std::array::from_fn(|lane| lane % 2);
+    let of = |p: &[f32]| {
+        resizing
+            .slopes(p, (&trainer.wearers, &chosen))
+            .expect("finite")
+    };
+    let params = &trainer.now.resized.params;
+    let slopes = of(params).1;
+    for span in [0..n, n..params.len()] {
+        let gradient = &slopes[span.clone()];
+        let square: f64 = gradient.iter().map(|g| f64::from(*g).powi(2)).sum();
+        let step = 2e-3 / square.sqrt();
+        let at = |sign: f64| {
+            let mut moved = params.clone();
+            let pairs = moved[span.clone()].iter_mut().zip(gradient);
+            pairs.for_each(|(p, g)| *p += (sign * step * f64::from(*g)) as f32);
+            of(&moved).0
+        };
+        let ratio = (at(1.0) - at(-1.0)) / (2.0 * step * square);
+        assert!((ratio - 1.0).abs() < 0.03, "{span:?}: {ratio}");
+    }
+}
+
+#[test]
+fn a_resizer_learns_to_lay_the_cloth_on_every_wearer_and_goes_on_to_the_same_bits() {
+    let mut trainer = resizing();
+    let chosen = std::array::from_fn(|lane| lane % 2);
+    let cost = |t: &Published| {
+        let all = (t.wearers.as_slice(), &chosen);
+        let of = |r: &super::resizer::Resizing| r.slopes(&t.now.resized.params, all);
+        t.resizing
+            .as_ref()
+            .map(of)
+            .expect("there is one")
+            .expect("finite")
+            .0
+    };
+    // What is cut for somebody hangs on them; what is cut a tenth too wide does not.
+    let edges = &mut trainer.wearers[1].sheet.edges;
+    edges.iter_mut().for_each(|e| e.rest *= 1.1);
+    let first = cost(&trainer);
+    for _ in 0..60 {
+        let own = trainer.resizing.as_ref().expect("there is one");
+        let (now, all) = (&mut trainer.now.resized, &trainer.wearers);
+        own.step(now, (all, &chosen)).expect("finite");
+    }
+    let last = cost(&trainer);
+    assert!(last < first - 0.02, "{first} {last}");
+    while trainer.steps() < 2 {
+        trainer.step().expect("finite");
+    }
+    let mut again = resizing();
+    again
+        .restore(&trainer.keep())
+        .expect("of the same training");
+    let edges = &mut again.wearers[1].sheet.edges;
+    edges.iter_mut().for_each(|e| e.rest *= 1.1);
+    go_on_alike([&mut trainer, &mut again], 3);
+    // Played on either of them it lies where it was learnt to.
+    let model = trainer.model(Default::default());
+    assert_eq!(model.check(), Ok(()));
+    let read = Model::from_weights(&model.to_weights()).expect("a whole file");
+    assert_eq!(read.traits, model.traits);
+    plays_as_learnt(&trainer, &model, (0, &CLASS.figure));
+    let mut there = model.told(|name| Some(HEAVY.iter().find(|t| t.0 == name)?.1));
+    there.template = trainer.wearers[1].template.clone();
+    let laid = trainer.laid(1);
+    let off = |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f32::max);
+    let most = |a: &[[f32; 3]]| {
+        a.iter()
+            .zip(&laid)
+            .map(|(a, b)| off(a, b))
+            .fold(0.0, f32::max)
+    };
+    assert!(most(&there.laid()) < 1e-6);
+    assert!(most(&there.template) > 1e-4);
+    let mut stored = read.told(|name| Some(HEAVY.iter().find(|t| t.0 == name)?.1));
+    stored.template = there.template;
+    assert!(most(&stored.laid()) < 1e-5);
+    // Poses are learnt by the first alone.
+    assert_eq!(trainer.wearer(), 0);
 }

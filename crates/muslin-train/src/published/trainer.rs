@@ -10,6 +10,7 @@ use muslin_net::learn::{Adam, AdamState, Noise};
 use super::clips::{Clips, Span, Watched};
 use super::net::{self, Chance};
 use super::recipe::{NCS_WINDOW, System, sizes};
+use super::resizer::{Resized, Resizing};
 use super::wearer::Wearer;
 use crate::lanes::LANES;
 use crate::lesson::Lesson;
@@ -83,6 +84,8 @@ impl Course {
 pub struct Published<'a> {
     /// Those that wear the cloth; models are of the first.
     pub(crate) wearers: Vec<Wearer<'a>>,
+    /// How PBNS learns to lay it on the others.
+    pub(crate) resizing: Option<Resizing>,
     pub(crate) course: Course,
     pub(crate) clips: Clips,
     pub(crate) skin: Skin,
@@ -106,11 +109,14 @@ pub(crate) struct Now {
     pub queue: Vec<u32>,
     /// Batches in a row that were not finite.
     pub bad: u64,
+    /// What the resizer has learnt; nothing where there is none.
+    pub resized: Resized,
 }
 
 impl<'a> Published<'a> {
     /// Gets ready to learn from `motions`, brought to the course's rate where they have another. Every batch is of
-    /// one of the `lessons`, which are of one cloth and differ in the body and its traits: SNUG is told those.
+    /// one of the `lessons`, which are of one cloth and differ in the body and its traits: SNUG is told those. PBNS
+    /// learns poses by the first alone, and from all at rest how to resize the cloth.
     ///
     /// All learnt shapes start at zero, so that the first prediction is the skinned garment.
     pub fn new(
@@ -136,12 +142,18 @@ impl<'a> Published<'a> {
         let drivers: Vec<String> = driving.iter().map(name).collect();
         let wearer = |lesson| Wearer::new(lesson, &course, (&encoder, &traits, &drivers));
         let wearers: Result<Vec<_>, TrainError> = lessons.into_iter().map(wearer).collect();
+        let wearers = wearers?;
         let mut noise = Noise::new(course.seed);
         let mut params = net::start(&encoder, &mut noise);
         let codes = encoder.n_codes() + usize::from(recipe.has_constant);
         params.resize(params.len() + 3 * lesson.template.len() * codes, 0.0);
+        let resizes = course.system == System::Pbns && wearers.len() > 1;
+        let resizing = resizes.then(|| Resizing::new(&wearers, &traits, &mut noise));
+        let (resizing, resized) = resizing.unzip();
         Ok(Self {
+            resizing,
             now: Now {
+                resized: resized.unwrap_or_default(),
                 step: 0,
                 noise,
                 params,
@@ -150,7 +162,7 @@ impl<'a> Published<'a> {
                 bad: 0,
             },
             bones: rig.iter().map(name).collect(),
-            wearers: wearers?,
+            wearers,
             course,
             clips,
             skin,
@@ -198,11 +210,30 @@ impl<'a> Published<'a> {
     }
 
     /// Who wears it in the next batch.
-    fn wearer(&mut self) -> usize {
+    pub(crate) fn wearer(&mut self) -> usize {
         match self.wearers.len() {
-            1 => 0,
-            n => self.now.noise.below(n),
+            n if n > 1 && self.resizing.is_none() => self.now.noise.below(n),
+            _ => 0,
         }
+    }
+
+    /// Where the cloth of a wearer lies at rest [m].
+    pub(crate) fn laid(&self, who: usize) -> Vec<[f32; 3]> {
+        let wearer = &self.wearers[who];
+        match &self.resizing {
+            Some(resizing) => resizing.laid(&self.now.resized, (wearer, who)),
+            None => wearer.template.clone(),
+        }
+    }
+
+    /// Learns from sixteen wearers at rest, if anything is to be learnt of them; gives the first vertex that is not
+    /// finite.
+    fn resize(&mut self) -> Option<usize> {
+        let resizing = self.resizing.as_ref()?;
+        let (n, now) = (self.wearers.len(), &mut self.now);
+        let chosen = std::array::from_fn(|_| now.noise.below(n));
+        let learnt = resizing.step(&mut now.resized, (&self.wearers, &chosen));
+        learnt.err()
     }
 
     fn chance(&mut self) -> Chance {
@@ -246,6 +277,7 @@ impl Training for Published<'_> {
     }
 
     fn step(&mut self) -> Result<Told, TrainError> {
+        let torn = self.resize();
         let ends = self.choose();
         let chance = self.chance();
         let wearer = self.wearer();
@@ -257,7 +289,7 @@ impl Training for Published<'_> {
             energies: work.energies,
             under: work.under,
         };
-        if let Some(vertex) = work.broken {
+        if let Some(vertex) = torn.or(work.broken) {
             let fault = fault(&work.energies, vertex, self.now.step);
             return left_out(&mut self.now.bad, fault, told);
         }
@@ -309,9 +341,11 @@ impl Training for Published<'_> {
             modes,
             traits: match self.encoder {
                 Encoder::Snug(_) => self.traits.clone(),
+                Encoder::Pbns(_) if self.resizing.is_some() => self.traits.clone(),
                 Encoder::Plain(_) | Encoder::Pbns(_) | Encoder::Ncs(_) => Vec::new(),
             },
             sway: None,
+            resizer: (self.resizing.as_ref()).map(|r| r.model(&self.now.resized)),
         }
     }
 

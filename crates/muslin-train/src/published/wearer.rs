@@ -2,6 +2,7 @@
 
 use muslin_model::{Encoder, Stream, Trait};
 
+use super::layers::{Layer, layers};
 use super::sheet::Sheet;
 use super::trainer::Course;
 use crate::TrainError;
@@ -13,6 +14,8 @@ pub(crate) struct Wearer<'a> {
     pub lesson: Lesson<'a>,
     pub body: Skinned<'a>,
     pub sheet: Sheet,
+    /// The garments that are worn over others.
+    pub layers: Vec<Layer>,
     /// Where the cloth lies at rest [m].
     pub template: Vec<[f32; 3]>,
     /// What reads the body's poses, and what SNUG is told of it.
@@ -36,6 +39,7 @@ impl<'a> Wearer<'a> {
         Ok(Self {
             body: Skinned::new((lesson.avatar, lesson.figure), lesson.template),
             sheet: Sheet::new(course.system.recipe(), lesson.cloth, lesson.template)?,
+            layers: layers(lesson.cloth, lesson.template),
             template: lesson.laid(),
             lesson,
             stream,

@@ -8,11 +8,13 @@ use rayon::prelude::*;
 
 use super::clips::{Batch, Clips, Frame, Place};
 use super::laws;
+use super::layers::{On, hand_back};
 use super::net::{self, Chance, Tape};
+use super::recipe::Recipe;
 use super::sheet::Sheet;
 use super::trainer::Published;
 use super::wearer::Wearer;
-use crate::body::{Posed, Skinned};
+use crate::body::{Posed, Wall};
 use crate::lanes::{LANES, Lane, Row, Vec3};
 use crate::laws::G;
 use crate::skin;
@@ -40,12 +42,12 @@ struct Guess {
 }
 
 /// What the still laws say of one pose of every window.
-struct Asked {
-    energies: Energies,
+pub(crate) struct Asked {
+    pub energies: Energies,
     under: f64,
     /// Gradient in the world, and that in the rest frame of what pins hold [N].
-    g: Vec<Row>,
-    held: Vec<(u32, Vec3)>,
+    pub g: Vec<Row>,
+    pub held: Vec<(u32, Vec3)>,
 }
 
 impl Published<'_> {
@@ -71,10 +73,9 @@ impl Published<'_> {
         let skins = clips.skins((batch.wearer, &wearer.body), &places);
         let mut asked: Vec<Asked> = (skins.par_chunks(LANES).enumerate())
             .map(|(k, skins)| {
-                self.ask(
-                    (wearer, skins),
-                    (&guess.x[first + k], &guess.rest[first + k]),
-                )
+                let x = &guess.x[first + k];
+                let met = Met::new(wearer, skins, x);
+                ask(recipe, (&wearer.sheet, &met), (x, &guess.rest[first + k]))
             })
             .collect();
         let share = 1.0 / recipe.judged as f64;
@@ -105,7 +106,7 @@ impl Published<'_> {
         if self.course.system.recipe().has_constant {
             codes.iter_mut().for_each(|c| c.extend([1.0; LANES]));
         }
-        let template = &self.wearers[batch.wearer].template;
+        let template = &self.laid(batch.wearer);
         let (rows, k) = (3 * template.len(), codes[0].len() / LANES);
         let shaped = |codes: &Vec<f32>| {
             let mut d = vec![[0.0; LANES]; rows];
@@ -193,64 +194,6 @@ impl Published<'_> {
         }
     }
 
-    /// The still laws at positions `x`, which come of the corrections `d`.
-    fn ask(
-        &self,
-        (wearer, skins): (&Wearer<'_>, &[Arc<Posed>]),
-        (x, d): (&[Row], &[Row]),
-    ) -> Asked {
-        let walls = walls(&wearer.body, skins, x);
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || self.sum((&wearer.sheet, &walls), x, d),
-        )
-    }
-
-    #[inline(always)]
-    fn sum(&self, (sheet, walls): (&Sheet, &[[Row; 4]]), x: &[Row], d: &[Row]) -> Asked {
-        let recipe = self.course.system.recipe();
-        let mut g = vec![[0.0; LANES]; x.len()];
-        let stretch = laws::stretch(recipe, sheet, x, &mut g);
-        let bend = laws::bend(recipe, sheet, x, &mut g);
-        let [mut weight, mut contact, mut pins] = [Lane::all(0.0); 3];
-        let mut under = Lane::all(0.0);
-        for v in 0..x.len() / 3 {
-            let here = Vec3::of(x, v as u32);
-            let mut force = Vec3::of(&g, v as u32);
-            let heavy = sheet.mass[v] * G;
-            force.0[1] += Lane::all(heavy);
-            weight += here.0[1] * heavy;
-            let [nx, ny, nz, offset] = walls[v].map(Lane);
-            let normal = Vec3([nx, ny, nz]);
-            let gap = normal.dot(here) - offset;
-            let [energy, slope] = recipe.touch.at(gap);
-            contact += energy;
-            force += normal.times(slope);
-            under += gap.choose_below(0.0, 1.0, 0.0);
-            force.put(&mut g, v as u32);
-        }
-        let mut held = Vec::new();
-        for &v in &sheet.pins {
-            let off = Vec3::of(d, v);
-            pins += off.dot(off) * recipe.pin;
-            held.push((v, off * (2.0 * recipe.pin)));
-        }
-        let mean = |s: Lane| s.sum() / LANES as f64;
-        Asked {
-            energies: Energies {
-                membrane: mean(stretch),
-                bend: mean(bend),
-                weight: mean(weight),
-                contact: mean(contact),
-                pins: mean(pins),
-                inertia: 0.0,
-            },
-            under: mean(under) / (x.len() / 3) as f64,
-            g,
-            held,
-        }
-    }
-
     /// `m/(2 Δt²) |x_t − (2 x_{t−1} − x_{t−2})|²` [J], the poses before taken as they are; adds its
     /// gradient. The first lanes have none.
     fn inertia(&self, batch: &Batch, x: &[Vec<Row>], (g, without): (&mut [Row], usize)) -> f64 {
@@ -274,20 +217,122 @@ impl Published<'_> {
     }
 }
 
-/// The wall at every vertex: normal and offset of the nearest skin, by exact distance.
-fn walls(body: &Skinned<'_>, skins: &[Arc<Posed>], x: &[Row]) -> Vec<[Row; 4]> {
-    let one = |lane: usize| {
-        let place = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
-        let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(place).collect();
-        body.walls(&skins[lane], &x)
-    };
-    let lanes: Vec<Vec<[f32; 4]>> = (0..LANES).into_par_iter().map(one).collect();
-    let of = |v: usize| [0, 1, 2, 3].map(|c| std::array::from_fn(|l| lanes[l][v][c]));
-    (0..x.len() / 3).map(of).collect()
+/// The still laws at positions `x`, which come of the corrections `d`.
+pub(crate) fn ask(
+    recipe: &Recipe,
+    (sheet, met): (&Sheet, &Met),
+    (x, d): (&[Row], &[Row]),
+) -> Asked {
+    let mut push = vec![[0.0; LANES]; if met.on.is_empty() { 0 } else { x.len() / 3 }];
+    let mut asked = pulp::Arch::new().dispatch(
+        #[inline(always)]
+        || sum(recipe, (sheet, &met.walls), (x, d), &mut push),
+    );
+    for (on, lane) in &met.on {
+        hand_back((on, *lane), (&met.walls, &push), &mut asked.g);
+    }
+    asked
+}
+
+#[inline(always)]
+fn sum(
+    recipe: &Recipe,
+    (sheet, walls): (&Sheet, &[[Row; 4]]),
+    (x, d): (&[Row], &[Row]),
+    push: &mut [Row],
+) -> Asked {
+    let mut g = vec![[0.0; LANES]; x.len()];
+    let stretch = laws::stretch(recipe, sheet, x, &mut g);
+    let bend = laws::bend(recipe, sheet, x, &mut g);
+    let [mut weight, mut contact, mut pins] = [Lane::all(0.0); 3];
+    let mut under = Lane::all(0.0);
+    for v in 0..x.len() / 3 {
+        let here = Vec3::of(x, v as u32);
+        let mut force = Vec3::of(&g, v as u32);
+        let heavy = sheet.mass[v] * G;
+        force.0[1] += Lane::all(heavy);
+        weight += here.0[1] * heavy;
+        let [nx, ny, nz, offset] = walls[v].map(Lane);
+        let normal = Vec3([nx, ny, nz]);
+        let gap = normal.dot(here) - offset;
+        let [energy, slope] = recipe.touch.at(gap);
+        contact += energy;
+        force += normal.times(slope);
+        if let Some(push) = push.get_mut(v) {
+            *push = slope.0;
+        }
+        under += gap.choose_below(0.0, 1.0, 0.0);
+        force.put(&mut g, v as u32);
+    }
+    let mut held = Vec::new();
+    for &v in &sheet.pins {
+        let off = Vec3::of(d, v);
+        pins += off.dot(off) * recipe.pin;
+        held.push((v, off * (2.0 * recipe.pin)));
+    }
+    let mean = |s: Lane| s.sum() / LANES as f64;
+    Asked {
+        energies: Energies {
+            membrane: mean(stretch),
+            bend: mean(bend),
+            weight: mean(weight),
+            contact: mean(contact),
+            pins: mean(pins),
+            inertia: 0.0,
+        },
+        under: mean(under) / (x.len() / 3) as f64,
+        g,
+        held,
+    }
+}
+
+/// What the cloth meets in sixteen poses.
+pub(crate) struct Met {
+    /// The wall at every vertex: normal and offset of the nearest skin, or of the nearest cloth below, by exact
+    /// distance.
+    walls: Vec<[Row; 4]>,
+    /// Where that is cloth, by lane.
+    on: Vec<(Vec<On>, usize)>,
+}
+
+impl Met {
+    /// The same in all lanes: a wearer in one `skin`, the cloth at `x` [m].
+    pub fn alone(wearer: &Wearer<'_>, skin: &Posed, x: &[DVec3]) -> Self {
+        let (walls, on) = meet(wearer, skin, x);
+        let all = (0..LANES).map(|lane| (on.clone(), lane));
+        Self {
+            walls: walls.iter().map(|w| w.map(|c| [c; LANES])).collect(),
+            on: all.filter(|o| !o.0.is_empty()).collect(),
+        }
+    }
+
+    fn new(wearer: &Wearer<'_>, skins: &[Arc<Posed>], x: &[Row]) -> Self {
+        let one = |lane: usize| {
+            let place = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
+            let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(place).collect();
+            meet(wearer, &skins[lane], &x)
+        };
+        let lanes: Vec<(Vec<Wall>, Vec<On>)> = (0..LANES).into_par_iter().map(one).collect();
+        let of = |v: usize| [0, 1, 2, 3].map(|c| std::array::from_fn(|l| lanes[l].0[v][c]));
+        let walls = (0..x.len() / 3).map(of).collect();
+        let on = lanes.into_iter().enumerate().map(|(l, lane)| (lane.1, l));
+        Self {
+            walls,
+            on: on.filter(|o| !o.0.is_empty()).collect(),
+        }
+    }
+}
+
+/// Walls of a cloth at `x` [m], and where they are cloth.
+fn meet(wearer: &Wearer<'_>, skin: &Posed, x: &[DVec3]) -> (Vec<Wall>, Vec<On>) {
+    let mut walls = wearer.body.walls(skin, x);
+    let layers = wearer.layers.iter();
+    let on = layers.flat_map(|l| l.lie(x, &mut walls)).collect();
+    (walls, on)
 }
 
 /// The first vertex that is not finite.
-fn broken(x: &[Row]) -> Option<usize> {
+pub(crate) fn broken(x: &[Row]) -> Option<usize> {
     let sound = |row: &Row| row.iter().all(|x| x.is_finite());
     x.iter().position(|row| !sound(row)).map(|at| at / 3)
 }

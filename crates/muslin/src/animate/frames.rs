@@ -11,11 +11,12 @@ use rayon::prelude::*;
 
 use crate::drape::NEARLY_THERE;
 use crate::failure::{Exit, Failure};
+use crate::layers::{Predicted, stacked};
 use crate::simulate::reel::{Reel, Told};
 use crate::simulate::set::Set;
 use crate::watch::Watch;
 
-use super::model_failure;
+use super::{model_failure, note_of};
 
 /// All frames of a motion.
 pub(crate) struct Played {
@@ -49,13 +50,14 @@ const SIDE: usize = 8;
 ///
 /// A frame that is not clean then is reached once more from the nearest clean one, along the motion.
 pub(crate) fn play(
-    (set, model): (&Set, &Model),
+    (set, models): (&Set, &[Model]),
     (refine, level): (usize, f64),
     watch: &mut Watch,
 ) -> Result<Played, Failure> {
-    let raw = predict((set, model), (level, 1))?;
+    let raw = predict((set, models), (level, 1))?;
     let n = raw.frames.len();
-    let inertia = if model.sway.is_some() { level } else { 0.0 };
+    let all_swing = models.iter().all(|m| m.sway.is_some());
+    let inertia = if all_swing { level } else { 0.0 };
     let mut solved = match refine {
         0 => shown(set, &raw.frames, watch)?,
         _ => {
@@ -261,32 +263,52 @@ fn meeting(set: &Set, x: &[DVec3], skin: &[DVec3]) -> usize {
     intersecting_pairs(&mesh(x, &set.cloth.faces), &body).len()
 }
 
-/// What the network says with that much motion, on one thread; frames at multiples of `every` are
-/// searched for vertices in the body.
+/// Whether model `k` was taught over just those below it.
+fn knows(models: &[Model], k: usize) -> bool {
+    let below = models[..k].iter().map(|m| note_of(m, "garment"));
+    k > 0 && note_of(&models[k], "over") == below.collect::<Vec<_>>().join(",")
+}
+
+/// What the networks say with that much motion, on one thread, each garment led out of those below it; frames
+/// at multiples of `every` are searched for vertices in the body.
 pub(crate) fn predict(
-    (set, model): (&Set, &Model),
+    (set, models): (&Set, &[Model]),
     (level, every): (f64, usize),
 ) -> Result<Raw, Failure> {
-    let mut player = Player::new(model, set.avatar).map_err(|e| model_failure(&e))?;
-    player.begin(1.0 / set.moving.motion.fps);
-    player.set_motion_level(level as f32);
     let poses: Vec<&Pose> = set.moving.motion.poses[set.moving.lead..].iter().collect();
-    let mut flat = vec![vec![[0.0f32; 3]; player.n_verts()]; poses.len()];
-    let since = Instant::now();
-    for (pose, out) in poses.iter().zip(&mut flat) {
-        player.frame(pose, &set.avatar.bones(&set.figure, pose), out);
+    let mut layers = Vec::with_capacity(models.len());
+    let mut seconds = 0.0;
+    for model in models {
+        let mut player = Player::new(model, set.avatar).map_err(|e| model_failure(&e))?;
+        player.begin(1.0 / set.moving.motion.fps);
+        player.set_motion_level(level as f32);
+        let mut flat = vec![vec![[0.0f32; 3]; player.n_verts()]; poses.len()];
+        let since = Instant::now();
+        for (pose, out) in poses.iter().zip(&mut flat) {
+            player.frame(pose, &set.avatar.bones(&set.figure, pose), out);
+        }
+        seconds += since.elapsed().as_secs_f64();
+        layers.push(flat);
     }
-    let rate = poses.len() as f64 / since.elapsed().as_secs_f64().max(1e-9);
+    let taught_over: Vec<bool> = (0..models.len()).map(|k| knows(models, k)).collect();
     let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-    let frames: Vec<Vec<DVec3>> = flat.iter().map(|f| f.iter().map(wide).collect()).collect();
-    let sound = frames.iter().flatten().all(|p| p.is_finite());
-    if !sound {
+    let whole = |k: usize| -> Vec<DVec3> {
+        let all = layers.iter().zip(&set.outfit.pieces).zip(&taught_over);
+        stacked(all.map(|((flat, piece), taught_over)| Predicted {
+            garment: &piece.garment,
+            x: flat[k].iter().map(wide).collect(),
+            taught_over: *taught_over,
+        }))
+    };
+    let sound = layers.iter().flatten().flatten().flatten();
+    if !sound.clone().all(|x| x.is_finite()) {
         return Err(Failure::new(
             Exit::Numbers,
             "not-finite",
             "the network gives positions that are not finite",
         ));
     }
+    let frames: Vec<Vec<DVec3>> = (0..poses.len()).into_par_iter().map(whole).collect();
     let looked: Vec<usize> = (0..frames.len()).step_by(every).collect();
     let count = |&k: &usize| {
         let skin = set.skin(set.moving.lead + k);
@@ -299,9 +321,9 @@ pub(crate) fn predict(
         frames[k].iter().filter(inside).count()
     };
     let inside: usize = looked.par_iter().map(count).sum();
-    let all = (looked.len() * player.n_verts()).max(1);
+    let all = (looked.len() * set.start.len()).max(1);
     Ok(Raw {
-        rate,
+        rate: poses.len() as f64 / seconds.max(1e-9),
         inside: 100.0 * inside as f64 / all as f64,
         frames,
     })

@@ -2,17 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::failure::{Exit, Failure};
+use crate::failure::Failure;
 use crate::options::within;
 use crate::simulate::SimulateOptions;
 
 /// Options of `animate`; the default is what a stranger would want.
 #[derive(Clone, Debug)]
 pub struct AnimateOptions {
-    /// The model, as `train` wrote it; if none, that of the first garment worn, from the wardrobe.
-    pub model: Option<PathBuf>,
-    /// Motion, rate and files. The garment is the model's; body and fabric are as well, as far as
-    /// nothing else is asked for.
+    /// The models, as `train` wrote them, innermost first; if there are none, those of the garments worn, from the
+    /// wardrobe.
+    pub models: Vec<PathBuf>,
+    /// Motion, rate and files. The garments are the models'; body and fabrics are as well, as far as
+    /// nothing else is asked for: fabrics in the outfit, one after the other.
     pub simulate: SimulateOptions,
     /// Solver iterations a frame, or for each step in time of cloth that swings; with none, frames are
     /// written as predicted.
@@ -24,7 +25,7 @@ pub struct AnimateOptions {
 impl Default for AnimateOptions {
     fn default() -> Self {
         Self {
-            model: None,
+            models: Vec::new(),
             simulate: SimulateOptions {
                 fps: 30.0,
                 ..SimulateOptions::default()
@@ -40,10 +41,6 @@ impl AnimateOptions {
     pub fn check(&self, out: &Path) -> Result<(), Failure> {
         within("--refine", "", Some(self.refine as f64), (0.0, 1000.0))?;
         within("--motion-level", "", self.motion_level, (0.0, 10.0))?;
-        if self.simulate.dress.outfit.len() != 1 {
-            let what = "garments are played one by one";
-            return Err(Failure::new(Exit::Usage, "one-garment", what).at("--garment"));
-        }
         self.simulate.check(out)
     }
 }

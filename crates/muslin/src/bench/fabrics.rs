@@ -1,6 +1,7 @@
 //! One model in several fabrics: how wide the hem flies in a spin, predicted, refined and simulated.
 
 use std::path::Path;
+use std::slice;
 
 use glam::DVec3;
 use muslin_body::Avatar;
@@ -51,9 +52,9 @@ pub(super) fn rows(
         let Some(hem) = hem.filter(|_| garment.hangs_freely()) else {
             return Ok("no hem that hangs freely".into());
         };
-        let told = here.told(model.clone())?;
+        let told = here.told(0, model.clone())?;
         let model = swings::swinging(told, (avatar, &here.figure), &here.cloth)?;
-        let raw = predict((&here, &model), (1.0, usize::MAX))?.frames;
+        let raw = predict((&here, slice::from_ref(&model)), (1.0, usize::MAX))?.frames;
         let led = along((&here, REFINE, 1.0), (0, &raw, None), &mut Watch::nobody())?;
         let led: Vec<Vec<DVec3>> = led.into_iter().map(|s| s.cloth).collect();
         let simulated = simulated(&at(FPS * FINER as f64)?)?;

@@ -1,6 +1,7 @@
 //! Trained garments on recordings they never learnt from: the network, refined, and the minimiser.
 
 use std::path::{Path, PathBuf};
+use std::slice;
 
 use glam::DVec3;
 use muslin_body::Avatar;
@@ -313,13 +314,13 @@ fn at_rest(
     };
     let (fps, every) = subject.rate();
     let set = set((avatar, model), (clip, fps, worn), None)?;
-    let model = &set.told(model.clone())?;
-    let raw = predict((&set, model), (1.0, every))?;
+    let model = &set.told(0, model.clone())?;
+    let raw = predict((&set, slice::from_ref(model)), (1.0, every))?;
     let plain = Model {
         modes: vec![0.0; model.modes.len()],
         ..model.clone()
     };
-    let skinned = predict((&set, &plain), (1.0, every))?;
+    let skinned = predict((&set, slice::from_ref(&plain)), (1.0, every))?;
     let all = raw.frames.len();
     let mut tiers: [Tier; 4] = Default::default();
     let frames: Vec<usize> = (0..n).map(|i| (2 * i + 1) * all / (2 * n)).collect();
@@ -388,14 +389,14 @@ pub(super) fn set<'a>(
         fps,
         ..SimulateOptions::default()
     };
-    let options = as_trained(model, &options)?;
+    let options = as_trained(slice::from_ref(model), &options)?;
     let shape = asked_shape(avatar, &options.dress)?;
     let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
     let moving = motion::load((avatar, None), &figure, &options)?;
     let outfit = Outfit::make(avatar, &options.dress, |_| {})?;
     let outfit = outfit.sized((avatar, &shape), &options.dress)?;
     let set = Set::new(avatar, figure, moving, outfit)?;
-    fits(model, &set.cloth)?;
+    fits(model, &set.outfit.pieces[0].garment)?;
     Ok(set)
 }
 
@@ -405,7 +406,7 @@ fn speed(
     (clip, worn): (&Path, &DressOptions),
 ) -> Result<String, Failure> {
     let set = &set((avatar, model), (clip, 30.0, worn), Some(0.1))?;
-    let mut model = set.told(model.clone())?;
+    let mut model = set.told(0, model.clone())?;
     if swings::are_ours(&model) {
         model = swings::swinging(model, (avatar, &set.figure), &set.cloth)?;
     }

@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::slice;
 
 use glam::{DMat3, DVec3};
 use muslin_body::Avatar;
@@ -35,10 +36,10 @@ pub(super) fn rows(
 ) -> Result<String, Failure> {
     let set_at = |fps: f64| set((avatar, model), (clip, fps, worn), Some(SECONDS));
     let here = set_at(FPS)?;
-    let told = here.told(model.clone())?;
+    let told = here.told(0, model.clone())?;
     let swinging = swings::swinging(told, (avatar, &here.figure), &here.cloth)?;
-    let still = predict((&here, &swinging), (0.0, usize::MAX))?.frames;
-    let raw = predict((&here, &swinging), (1.0, usize::MAX))?.frames;
+    let still = predict((&here, slice::from_ref(&swinging)), (0.0, usize::MAX))?.frames;
+    let raw = predict((&here, slice::from_ref(&swinging)), (1.0, usize::MAX))?.frames;
     let refined = along((&here, REFINE, 1.0), (0, &raw, None), &mut Watch::nobody())?;
     let refined: Vec<Vec<DVec3>> = refined.into_iter().map(|s| s.cloth).collect();
     let simulated = simulated(&set_at(FPS * FINER as f64)?)?;

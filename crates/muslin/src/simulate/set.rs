@@ -64,13 +64,34 @@ impl<'a> Set<'a> {
         })
     }
 
-    /// A model of its first garment, laid around this body and told of it and of the fabric.
-    pub fn told(&self, model: Model) -> Result<Model, Failure> {
-        wardrobe::around(
-            model,
-            (self.avatar, &self.figure),
-            (&self.outfit, &self.start),
-        )
+    /// A model of its garment `k`, laid around this body and told of it and of the fabric.
+    pub fn told(&self, k: usize, model: Model) -> Result<Model, Failure> {
+        let start = &self.start[self.outfit.parts()[k].verts.clone()];
+        let body = (self.avatar, &self.figure);
+        wardrobe::around(model, body, (&self.outfit, k, start))
+    }
+
+    /// Garment `k` alone for the solver.
+    pub fn cloth_of(&self, k: usize) -> Cloth {
+        let part = &self.outfit.parts()[k];
+        let own = |v: &u32| part.verts.contains(&(*v as usize));
+        let first = part.verts.start as u32;
+        let c = &self.cloth;
+        Cloth {
+            faces: (c.faces[part.faces.clone()].iter())
+                .map(|f| f.map(|v| v - first))
+                .collect(),
+            rest: c.rest[part.faces.clone()].to_vec(),
+            materials: vec![c.materials[k]],
+            material_of: vec![0; part.faces.len()],
+            layers: vec![0; part.verts.len()],
+            pins: c
+                .pins
+                .iter()
+                .filter(|v| own(v))
+                .map(|v| v - first)
+                .collect(),
+        }
     }
 
     /// The skin in a pose of the motion, the lead-in counted [m].

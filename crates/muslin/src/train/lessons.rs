@@ -1,7 +1,10 @@
 //! What a garment learns from: motions as poses or as they are, and the garment itself.
 
+use std::path::{Path, PathBuf};
+
 use muslin_body::{Avatar, Figure, Motion, Sparse};
 use muslin_garment::Fabric;
+use muslin_geom::Part;
 use muslin_model::Model;
 use muslin_net::learn::Noise;
 use muslin_sim::Cloth;
@@ -9,7 +12,7 @@ use muslin_train::published::System;
 use muslin_train::{Lesson, diffused, mixed, thinned};
 use rayon::prelude::*;
 
-use super::{TrainOptions, variety};
+use super::{TrainOptions, topology, variety};
 use crate::drape::{cloth, put_on};
 use crate::dress::asked_shape;
 use crate::failure::Failure;
@@ -43,24 +46,30 @@ pub(super) struct Class {
     /// The wearer and the fabric that were asked for, then others.
     pub pupils: Vec<Pupil>,
     pub weights: Sparse,
-    pub fabric: String,
+    /// Garments and fabrics, innermost first.
+    pub fabrics: Vec<String>,
+    pub parts: Vec<Part>,
     /// What it begins with.
     pub begun: Option<Model>,
 }
 
 impl Class {
-    /// The one garment of an outfit.
+    /// The garments of an outfit: as a rule there is one.
     pub fn new(
         (avatar, figure): (&Avatar, &Figure),
         outfit: &Outfit,
         options: &TrainOptions,
     ) -> Result<Self, Failure> {
-        let piece = &outfit.pieces[0];
-        let skin = piece.garment.skin_weights(avatar);
         let spread = options
             .system
             .map_or(DIFFUSED, |s| (s.smoothed(), ALL_BONES));
-        let weights = diffused(&skin, &piece.garment.faces, spread);
+        let mut weights = Sparse::new();
+        for piece in &outfit.pieces {
+            let skin = piece.garment.skin_weights(avatar);
+            let own = diffused(&skin, &piece.garment.faces, spread);
+            (0..piece.garment.n_verts()).for_each(|v| weights.push(own.row(v).iter().copied()));
+        }
+        let piece = &outfit.pieces[0];
         let (fabrics, noise) = (variety::fabrics(), &mut Noise::new(options.seed ^ 0xc1a5));
         let lessons = match options.any_fabric || options.any_shape || options.any_size {
             true => variety::LESSONS,
@@ -101,9 +110,10 @@ impl Class {
             worn.pieces[0].fabric = fabric;
             let (_, stood) = avatar.dressing(&figure);
             let lies = put_on(avatar, &worn, &stood)?;
+            let start: Vec<_> = lies.iter().flat_map(|w| w.verts.iter().copied()).collect();
             Ok(Pupil {
                 cloth: cloth(&worn, &lies),
-                template: avatar.at_rest(&figure, (&weights, &lies[0].verts)),
+                template: avatar.at_rest(&figure, (&weights, &start)),
                 traits,
                 figure,
             })
@@ -112,9 +122,44 @@ impl Class {
         Ok(Self {
             pupils: pupils?,
             weights,
-            fabric: piece.fabric.name.clone(),
+            fabrics: (outfit.pieces.iter())
+                .map(|p| p.fabric.name.clone())
+                .collect(),
+            parts: outfit.parts(),
             begun: None,
         })
+    }
+
+    /// The files of the garments, of one `out` itself, of several `NAME.GARMENT.muslin`.
+    pub fn files(&self, out: &Path) -> Vec<PathBuf> {
+        let one = |(k, part): (usize, &Part)| {
+            let before = self.parts[..k].iter().filter(|p| p.name == part.name);
+            match before.count() {
+                0 => out.with_extension(format!("{}.muslin", part.name)),
+                n => out.with_extension(format!("{}-{}.muslin", part.name, n + 1)),
+            }
+        };
+        match self.parts.as_slice() {
+            [_] => vec![out.to_owned()],
+            several => several.iter().enumerate().map(one).collect(),
+        }
+    }
+
+    /// What the model of all says of garment `k`.
+    pub fn part_of(&self, model: &Model, k: usize) -> Model {
+        match self.parts.as_slice() {
+            [_] => model.clone(),
+            several => model.garment(several[k].verts.clone(), several[k].faces.clone()),
+        }
+    }
+
+    /// The hash of garment `k`'s triangles.
+    pub fn topology(&self, k: usize) -> String {
+        let part = &self.parts[k];
+        let first = part.verts.start as u32;
+        let faces = &self.pupils[0].cloth.faces[part.faces.clone()];
+        let faces: Vec<[u32; 3]> = faces.iter().map(|f| f.map(|v| v - first)).collect();
+        topology(&faces)
     }
 
     /// What it learnt from in all, that which the model at the beginning learnt from first.

@@ -14,7 +14,7 @@ use crate::options::{DressOptions, Wear, within};
 pub struct TrainOptions {
     /// The published system that is taught; our own if none.
     pub system: Option<System>,
-    /// Who wears what: one garment.
+    /// Who wears what: one garment, but of PBNS as many as are worn.
     pub dress: DressOptions,
     /// Built-in motions, files, or folders of files to learn from.
     pub motion: Vec<String>,
@@ -99,14 +99,16 @@ impl TrainOptions {
         let Some(system) = self.system else {
             return options;
         };
-        let fabric = &mut options.dress.outfit[0].fabric;
-        if let Some(asked) = fabric.as_ref().filter(|f| *f != PAPER_FABRIC) {
-            let name = system.name();
-            warn(&format!(
-                "{name} learns with its published constants; {asked} is what --refine solves with"
-            ));
+        for worn in &mut options.dress.outfit {
+            let fabric = &mut worn.fabric;
+            if let Some(asked) = fabric.as_ref().filter(|f| *f != PAPER_FABRIC) {
+                let name = system.name();
+                warn(&format!(
+                    "{name} learns with its published constants; {asked} is what --refine solves with"
+                ));
+            }
+            fabric.get_or_insert_with(|| PAPER_FABRIC.to_owned());
         }
-        fabric.get_or_insert_with(|| PAPER_FABRIC.to_owned());
         options
     }
 
@@ -119,11 +121,15 @@ impl TrainOptions {
             ("--fabric", self.any_fabric && self.system.is_some(), ours),
             (
                 "--shape",
-                self.any_shape && self.system.is_some() && !is(System::Snug),
-                "our own network and snug",
+                self.any_shape && is(System::Ncs),
+                "our own network, snug and pbns",
             ),
             ("--from", self.from.is_some() && self.system.is_some(), ours),
-            ("--sizes", self.any_size && self.system.is_some(), ours),
+            (
+                "--sizes",
+                self.any_size && (is(System::Ncs) || is(System::Snug)),
+                "our own network and pbns",
+            ),
             (
                 "--codes",
                 self.codes.is_some() && self.system.is_some(),
@@ -179,14 +185,12 @@ impl TrainOptions {
         within("--layers", "", self.layers.map(|x| x as f64), (1.0, 16.0))?;
         within("--augment", "", self.augment, (0.0, 1.0))?;
         within("--rate", "", self.rate, (1e-6, 0.1))?;
-        if self.dress.outfit.len() != 1 {
-            let what = format!(
-                "{} garments at once cannot be taught yet",
-                self.dress.outfit.len()
-            );
+        if self.dress.outfit.len() != 1 && self.system != Some(System::Pbns) {
+            let n = self.dress.outfit.len();
+            let what = format!("{n} garments at once are for `train pbns`");
             return Err(Failure::new(Exit::Usage, "one-garment", what)
                 .at("--garment")
-                .hint("train them one by one"));
+                .hint("train them one by one: `animate` wears one over the other"));
         }
         if !out
             .extension()
