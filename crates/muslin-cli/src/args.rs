@@ -246,7 +246,7 @@ OUT.csv has the curve of the training, OUT.report.json what came of it. What is 
 OUT.muslin.part; after Ctrl-C or a crash the same command with --resume goes on to the same bits.")]
 pub struct Train {
     /// A published system to teach instead of our own trainer, with its published network, losses and
-    /// constants; --codes, --width and --fabric are then not for the training.
+    /// constants; --codes and --fabric are then not for the training.
     #[arg(value_enum)]
     pub system: Option<SystemName>,
     /// Who is learnt from: our own body, or a rigged character, a .glb, .gltf or .vrm with a skeleton and
@@ -287,7 +287,7 @@ pub struct Train {
     /// besides them; not for snug and ncs, which learn from poses in time [default: 900].
     #[arg(long)]
     pub mixed: Option<usize>,
-    /// Width of the network's two inner layers [default: 128].
+    /// Width of the network's two inner layers [default: 128]; of ncs the size of its codes [default: 512].
     #[arg(long)]
     pub width: Option<usize>,
     /// Recurrent layers of snug [default: 4].
@@ -297,6 +297,9 @@ pub struct Train {
     /// [default: 0.2].
     #[arg(long)]
     pub augment: Option<f64>,
+    /// Tell ncs how joints turn, but not where gravity pulls in their frames.
+    #[arg(long)]
+    pub without_gravity: bool,
     /// Motions that are not learnt from but judged at the end, named as with --motion.
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub check: Vec<String>,
@@ -616,6 +619,7 @@ impl Train {
             steps: self.steps,
             codes: self.codes,
             layers: self.layers,
+            without_gravity: self.without_gravity,
             augment: self.augment,
             seed: self.seed,
             rate: self.rate,

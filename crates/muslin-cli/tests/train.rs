@@ -395,7 +395,7 @@ fn options_of_another_trainer_are_refused_by_name() {
     let out = folder.at("a.muslin");
     for (system, option, value) in [
         ("pbns", "--codes", "8"),
-        ("ncs", "--width", "64"),
+        ("snug", "--width", "64"),
         ("snug", "--mixed", "9"),
         ("pbns", "--layers", "5"),
         ("snug", "--augment", "0.1"),

@@ -108,7 +108,8 @@ impl Trainer<'_> {
         }
     }
 
-    /// Looks for the nearest skin, and for cloth that meets cloth, where that is due.
+    /// Looks for the nearest skin where that is due, and for cloth that meets cloth while it may be anywhere: looked for
+    /// once more in cloth that has become soft, its planes stand in folds, and trainings broke out.
     fn look(&self, pack: &mut Pack, x: &[Row]) {
         let Wearer { body, folds, .. } = &self.wearers[pack.wearer];
         if pack.skins.is_empty() {
@@ -119,19 +120,23 @@ impl Trainer<'_> {
             return;
         }
         let (skins, before) = (&pack.skins, &pack.faces);
-        let known = |v: usize, lane: usize| (!pack.is_new()).then(|| before[v][lane]);
+        let is_new = pack.is_new();
+        let known = |v: usize, lane: usize| (!is_new).then(|| before[v][lane]);
         let each = |lane: usize| {
             let one = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
             let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(one).collect();
             let faces = body.nearest(&skins[lane], &x, |v| known(v, lane));
-            (faces, folds.find(&x, self.plan.gap))
+            let met = is_new.then(|| folds.find(&x, self.plan.gap));
+            (faces, met.unwrap_or_default())
         };
         let all: Vec<Met> = (0..LANES).into_par_iter().map(each).collect();
         pack.faces = (0..x.len() / 3)
             .map(|v| std::array::from_fn(|lane| all[lane].0[v]))
             .collect();
-        let folds: Vec<Vec<(u32, Plane)>> = all.into_iter().map(|a| a.1).collect();
-        pack.folds = gathered(&folds);
+        if is_new {
+            let folds: Vec<Vec<(u32, Plane)>> = all.into_iter().map(|a| a.1).collect();
+            pack.folds = gathered(&folds);
+        }
     }
 
     /// The wall at every vertex: normal and offset.

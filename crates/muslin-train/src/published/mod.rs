@@ -6,6 +6,7 @@
 //! gets wrong, `docs/models.md` says so.
 
 mod clips;
+mod gravity;
 mod laws;
 mod layers;
 mod ncs;

@@ -6,6 +6,7 @@ use muslin_net::learn::{Gru, Mlp, MlpTape, Noise, Nonlinear};
 use super::ncs::NcsTape;
 use super::recipe::{System, sizes};
 use super::snug::SnugTape;
+use super::trainer::Course;
 use crate::lanes::LANES;
 
 /// What chance decides in a step.
@@ -54,37 +55,33 @@ impl Bent {
     }
 }
 
-/// The published network of a system for `n` driving bones: `joints` as [`Ncs::joints`], `body` as
-/// [`Snug::body`], `layers` of SNUG's.
-pub(crate) fn encoder(
-    system: System,
-    (joints, body, layers): (Vec<[f32; 3]>, Vec<f32>, usize),
-) -> Encoder {
+/// The network of a course for `n` driving bones: `joints` as [`Ncs::joints`], `body` as [`Snug::body`].
+pub(crate) fn encoder(course: &Course, (joints, body): (Vec<[f32; 3]>, Vec<f32>)) -> Encoder {
     let mlp = |first: usize, rest: &[usize], bias: bool| Mlp {
         widths: [&[first], rest].concat(),
         bend: Nonlinear::Relu,
         bias,
     };
     let n = joints.len();
-    match system {
+    match course.system {
         System::Pbns => Encoder::Pbns(mlp(3 * n, &sizes::PBNS, true)),
         System::Snug => {
             let mut widths = vec![body.len() + 3 * n + 3];
-            widths.resize(1 + layers, sizes::SNUG);
+            widths.resize(1 + course.layers, sizes::SNUG);
             Encoder::Snug(Snug { body, widths })
         }
         System::Ncs => {
-            let [.., code] = sizes::NCS_STILL;
+            let code = course.width;
             let [.., feature] = sizes::NCS_JOINT;
             Encoder::Ncs(Ncs {
                 still: mlp(
                     muslin_model::Reader::n_inputs_of(n),
-                    &sizes::NCS_STILL,
+                    &[&sizes::NCS_STILL[..], &[code]].concat(),
                     true,
                 ),
                 joint: mlp(Ncs::MOVING, &sizes::NCS_JOINT, false),
-                whole: mlp(n * feature, &sizes::NCS_WHOLE, false),
-                decoder: mlp(code, &sizes::NCS_DECODER, true),
+                whole: mlp(n * feature, &[code; sizes::NCS_WHOLE], false),
+                decoder: mlp(code, &[code; sizes::NCS_DECODER], true),
                 joints,
             })
         }
@@ -181,8 +178,8 @@ mod tests {
         // On the t-shirt of the published code: 4,424 vertices; 24 joints, or 15 of them.
         let rows = 3 * 4424;
         let count = |system: System, joints: usize, body: usize, constant: usize| {
-            let shape = (vec![[0.0; 3]; joints], vec![0.0; body], 4);
-            let net = encoder(system, shape);
+            let shape = (vec![[0.0; 3]; joints], vec![0.0; body]);
+            let net = encoder(&Course::of(system), shape);
             let first = start(&net, &mut Noise::new(1)).len();
             assert_eq!(first, net.n_params());
             first + rows * (net.n_codes() + constant)

@@ -188,10 +188,13 @@ pub(crate) mod sizes {
     /// SNUG: each recurrent layer.
     pub const SNUG: usize = 256;
     /// NCS: the still encoder, one joint, all joints, the decoder.
-    pub const NCS_STILL: [usize; 4] = [64, 128, 256, 512];
+    /// [`NCS_CODE`] stands for what is left out at the ends.
+    pub const NCS_STILL: [usize; 3] = [64, 128, 256];
     pub const NCS_JOINT: [usize; 2] = [32; 2];
-    pub const NCS_WHOLE: [usize; 2] = [512; 2];
-    pub const NCS_DECODER: [usize; 3] = [512; 3];
+    pub const NCS_WHOLE: usize = 2;
+    pub const NCS_DECODER: usize = 3;
+    /// NCS: size of the codes and of all layers around them.
+    pub const NCS_CODE: usize = 512;
     /// NCS: deviation of the first weights.
     pub const NCS_START: f64 = 0.05;
     /// SNUG: deviation of the state that a window starts from.

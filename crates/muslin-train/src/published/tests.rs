@@ -173,6 +173,40 @@ fn from_samples_whose_motions_change_places_the_decoder_alone_learns() {
 }
 
 #[test]
+fn without_gravity_turns_and_accelerations_alone_are_heard_in_codes_of_any_size() {
+    let mut trainer = trainer(Course {
+        gravity: false,
+        width: 48,
+        ..Course::of(System::Ncs)
+    });
+    for _ in 0..2 {
+        trainer.step().expect("finite");
+    }
+    assert_eq!(trainer.encoder.n_codes(), 48);
+    let mut batch = batch(&trainer);
+    let places = |b: &Batch| trainer.positions(b, &Chance::default());
+    let before = places(&batch);
+    // The root's gravity, and that of the second joint, then its first turn.
+    let root = batch.told[0].len().min(16);
+    batch.told.iter_mut().for_each(|t| t[..root].fill(9.0));
+    batch
+        .told
+        .iter_mut()
+        .for_each(|t| t[9 * 16..12 * 16].fill(9.0));
+    assert!(places(&batch) == before);
+    batch
+        .told
+        .iter_mut()
+        .for_each(|t| t[3 * 16..4 * 16].fill(9.0));
+    assert!(places(&batch) != before);
+    plays_as_learnt(
+        &trainer,
+        &trainer.model(Default::default()),
+        (0, &CLASS.figure),
+    );
+}
+
+#[test]
 fn a_few_steps_lower_what_a_motion_costs_and_the_model_is_whole() {
     for (system, steps) in [(System::Pbns, 14), (System::Snug, 8), (System::Ncs, 8)] {
         let rate = if system == System::Snug { 1e-4 } else { 1e-3 };

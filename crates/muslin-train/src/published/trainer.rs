@@ -8,6 +8,7 @@ use muslin_net::Weights;
 use muslin_net::learn::{Adam, AdamState, Noise};
 
 use super::clips::{Clips, Span, Watched};
+use super::gravity;
 use super::net::{self, Chance};
 use super::recipe::{NCS_WINDOW, System, sizes};
 use super::resizer::{Resized, Resizing};
@@ -32,6 +33,10 @@ pub struct Course {
     pub rate: f32,
     /// Recurrent layers of SNUG.
     pub layers: usize,
+    /// NCS: size of its codes.
+    pub width: usize,
+    /// NCS: whether it is told the direction of gravity, not turns alone.
+    pub gravity: bool,
     /// NCS: share of a batch whose motions change places, from which the decoder alone learns.
     pub augmented: f64,
     /// Where random numbers start.
@@ -47,6 +52,8 @@ impl Course {
             windows: usize::MAX,
             rate: 1e-3,
             layers: 4,
+            width: sizes::NCS_CODE,
+            gravity: true,
             augmented: 0.2,
             seed: 1,
         }
@@ -138,7 +145,7 @@ impl<'a> Published<'a> {
         let joint = |b: &usize| lesson.figure.joints[*b].as_vec3().to_array();
         let joints = driving.iter().map(joint).collect();
         let body = traits.iter().map(Trait::level).collect();
-        let encoder = net::encoder(course.system, (joints, body, course.layers));
+        let encoder = net::encoder(&course, (joints, body));
         let drivers: Vec<String> = driving.iter().map(name).collect();
         let wearer = |lesson| Wearer::new(lesson, &course, (&encoder, &traits, &drivers));
         let wearers: Result<Vec<_>, TrainError> = lessons.into_iter().map(wearer).collect();
@@ -337,7 +344,10 @@ impl Training for Published<'_> {
             drivers: self.drivers.clone(),
             scale: vec![[0.0, 1.0]; self.encoder.n_inputs(self.drivers.len())],
             encoder: self.encoder.clone(),
-            params: network.to_vec(),
+            params: match (&self.encoder, self.course.gravity) {
+                (Encoder::Ncs(n), false) => gravity::unheard(n, network),
+                _ => network.to_vec(),
+            },
             modes,
             traits: match self.encoder {
                 Encoder::Snug(_) => self.traits.clone(),

@@ -3,17 +3,18 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use muslin_model::Encoder;
 use muslin_net::learn::{View, multiply};
 use rayon::prelude::*;
 
 use super::clips::{Batch, Clips, Frame, Place};
-use super::laws;
 use super::layers::{On, hand_back};
 use super::net::{self, Chance, Tape};
 use super::recipe::Recipe;
 use super::sheet::Sheet;
 use super::trainer::Published;
 use super::wearer::Wearer;
+use super::{gravity, laws};
 use crate::body::{Posed, Wall};
 use crate::lanes::{LANES, Lane, Row, Vec3};
 use crate::laws::G;
@@ -101,7 +102,19 @@ impl Published<'_> {
     /// What the network makes of a batch.
     fn guess(&self, batch: &Batch, chance: &Chance) -> Guess {
         let (network, modes) = self.now.params.split_at(self.encoder.n_params());
-        let told = (batch.told.as_slice(), batch.frames.len());
+        let mut silenced = Vec::new();
+        if let (Encoder::Ncs(n), false) = (&self.encoder, self.course.gravity) {
+            silenced.clone_from(&batch.told);
+            silenced
+                .iter_mut()
+                .for_each(|t| gravity::silence(t, n.joints.len()));
+        }
+        let told = if silenced.is_empty() {
+            &batch.told
+        } else {
+            &silenced
+        };
+        let told = (told.as_slice(), batch.frames.len());
         let (mut codes, tape) = net::forward(&self.encoder, network, told, chance);
         if self.course.system.recipe().has_constant {
             codes.iter_mut().for_each(|c| c.extend([1.0; LANES]));

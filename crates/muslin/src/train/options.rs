@@ -38,8 +38,10 @@ pub struct TrainOptions {
     pub steps: u64,
     /// Learnt shapes of our own network; 64 if not said.
     pub codes: Option<usize>,
-    /// Width of its two inner layers; 128 if not said.
+    /// Width of its two inner layers, 128 if not said; of NCS the size of its codes, 512.
     pub width: Option<usize>,
+    /// Whether NCS is told turns alone, not the direction of gravity as well.
+    pub without_gravity: bool,
     /// Recurrent layers of SNUG; 4 if not said.
     pub layers: Option<usize>,
     /// Share of the samples whose motions NCS exchanges; 0.2 if not said.
@@ -72,6 +74,7 @@ impl Default for TrainOptions {
             steps: Plan::default().steps,
             codes: None,
             width: None,
+            without_gravity: false,
             layers: None,
             augment: None,
             seed: Plan::default().seed,
@@ -137,8 +140,13 @@ impl TrainOptions {
             ),
             (
                 "--width",
-                self.width.is_some() && self.system.is_some(),
-                ours,
+                self.width.is_some() && (is(System::Pbns) || is(System::Snug)),
+                "our own network and ncs",
+            ),
+            (
+                "--without-gravity",
+                self.without_gravity && !is(System::Ncs),
+                "ncs",
             ),
             (
                 "--layers",
@@ -226,6 +234,8 @@ impl TrainOptions {
             },
             rate: self.rate.map_or(usual.rate, |r| r as f32),
             layers: self.layers.unwrap_or(usual.layers),
+            width: self.width.unwrap_or(usual.width),
+            gravity: !self.without_gravity,
             augmented: self.augment.unwrap_or(usual.augmented),
             seed: self.seed,
             ..usual
