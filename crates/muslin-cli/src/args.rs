@@ -258,7 +258,8 @@ pub struct Train {
     /// be given several times [default: all built-in motions].
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub motion: Vec<String>,
-    /// Who wears what; one garment, of pbns also several. `--fabric any` teaches every fabric: between cloths of our list.
+    /// Who wears what; one garment, of pbns also several. `--fabric any` teaches every fabric: between cloths of
+    /// our list.
     #[command(flatten)]
     pub wearing: Wearing,
     /// Whether one body is taught or any adult shape of it.

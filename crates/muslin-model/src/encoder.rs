@@ -150,9 +150,6 @@ impl Encoder {
 
     /// Whether its parts fit each other, a pose of `n` driving bones and that many traits after it.
     pub fn fits(&self, n: usize, traits: usize) -> bool {
-        let sound = |w: &[usize]| {
-            (2..=64).contains(&w.len()) && w.iter().all(|x| (1..=1 << 16).contains(x))
-        };
         match self {
             Self::Plain(m) => sound(&m.widths) && m.widths[0] == self.n_inputs(n) + traits,
             Self::Snug(s) => {
@@ -175,6 +172,11 @@ impl Encoder {
             }
         }
     }
+}
+
+/// Whether a network may be of these widths.
+pub(crate) fn sound(widths: &[usize]) -> bool {
+    (2..=64).contains(&widths.len()) && widths.iter().all(|x| (1..=1 << 16).contains(x))
 }
 
 fn last(widths: &[usize]) -> usize {

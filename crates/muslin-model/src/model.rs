@@ -119,18 +119,12 @@ impl Model {
                 weights: self.skin.weights[own].to_vec(),
             },
             modes: self.modes[verts.start * row..verts.end * row].to_vec(),
-            notes: self.notes.clone(),
-            bones: self.bones.clone(),
-            drivers: self.drivers.clone(),
-            traits: self.traits.clone(),
-            scale: self.scale.clone(),
-            encoder: self.encoder.clone(),
-            params: self.params.clone(),
             sway: None,
             resizer: self.resizer.as_ref().map(|r| Resizer {
                 modes: r.modes[3 * verts.start * r.n_codes()..3 * verts.end * r.n_codes()].to_vec(),
                 ..r.clone()
             }),
+            ..self.clone()
         }
     }
 

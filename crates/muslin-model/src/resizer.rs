@@ -2,14 +2,15 @@
 
 use muslin_net::learn::Mlp;
 
-use crate::Model;
+use crate::encoder::sound;
 use crate::layers::Chain;
+use crate::{Model, Trait};
 
 /// A second network, from [`Model::traits`] to codes of shapes that are added to the template: the resizer of PBNS
 /// (Bertiche et al. 2021).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resizer {
-    /// The network, whose last layer is bent as well; it reads [`crate::Trait::level`]s.
+    /// The network, whose last layer is bent as well; it reads [`Trait::level`]s.
     pub net: Mlp,
     /// Its weights.
     pub params: Vec<f32>,
@@ -25,12 +26,9 @@ impl Resizer {
 
     /// Whether it is of `n` vertices and that many traits.
     pub(crate) fn fits(&self, n: usize, traits: usize) -> bool {
-        let widths = &self.net.widths;
-        let sound =
-            (2..=64).contains(&widths.len()) && widths.iter().all(|w| (1..=1 << 16).contains(w));
         let all = [&self.params, &self.modes];
-        sound
-            && widths[0] == traits
+        sound(&self.net.widths)
+            && self.net.widths[0] == traits
             && self.params.len() == self.net.n_params()
             && self.modes.len() == 3 * n * self.n_codes()
             && all.iter().all(|a| a.iter().all(|x| x.is_finite()))
@@ -52,7 +50,7 @@ impl Model {
     pub fn laid(&self) -> Vec<[f32; 3]> {
         let mut out = self.template.clone();
         if let Some(resizer) = &self.resizer {
-            let levels: Vec<f32> = self.traits.iter().map(crate::Trait::level).collect();
+            let levels: Vec<f32> = self.traits.iter().map(Trait::level).collect();
             let moves = resizer.moves(&levels);
             out.as_flattened_mut()
                 .iter_mut()

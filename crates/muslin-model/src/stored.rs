@@ -18,6 +18,11 @@ const FORMATS: [&str; 5] = [
     "muslin-garment 5",
 ];
 
+/// Whether a note names the network of a file of this kind.
+fn names_network(format: &str) -> bool {
+    [FORMATS[1], FORMATS[4]].contains(&format)
+}
+
 /// A byte names no more bones.
 const MOST_BONES: usize = 256;
 
@@ -44,7 +49,7 @@ impl Model {
         if let Some(r) = &self.resizer {
             note(&mut out, "resizer", r.net.bend.name().into());
         }
-        if [FORMATS[1], FORMATS[4]].contains(&format) {
+        if names_network(format) {
             note(&mut out, "network", self.encoder.name().into());
         }
         if !self.traits.is_empty() {
@@ -220,7 +225,7 @@ impl Model {
                 true => from.traits()?,
                 false => Vec::new(),
             },
-            encoder: match [FORMATS[1], FORMATS[4]].contains(&format) {
+            encoder: match names_network(format) {
                 true => from.encoder()?,
                 false => Encoder::Plain(from.mlp("encoder.widths")?),
             },
@@ -389,11 +394,10 @@ impl<'a> From<'a> {
 
     /// The network that lays the cloth on others.
     fn resizer(&self) -> Result<Resizer, ModelError> {
-        let bend = Nonlinear::named(self.note("resizer")?);
         Ok(Resizer {
             net: Mlp {
                 widths: self.sizes("resizer.widths")?,
-                bend: bend.ok_or_else(|| ModelError::wrong("resizer", "is of an unknown kind"))?,
+                bend: self.bend("resizer")?,
                 bias: true,
             },
             params: self.f32s("resizer.params")?,
@@ -425,12 +429,17 @@ impl<'a> From<'a> {
 
     /// A perceptron of these widths.
     fn mlp(&self, widths: &str) -> Result<Mlp, ModelError> {
-        let bend = Nonlinear::named(self.note("bend")?);
         Ok(Mlp {
             widths: self.sizes(widths)?,
-            bend: bend.ok_or_else(|| ModelError::wrong("bend", "is of an unknown kind"))?,
+            bend: self.bend("bend")?,
             bias: self.note("bias")? == "true",
         })
+    }
+
+    /// The function that a note names.
+    fn bend(&self, note: &str) -> Result<Nonlinear, ModelError> {
+        let bend = Nonlinear::named(self.note(note)?);
+        bend.ok_or_else(|| ModelError::wrong(note, "is of an unknown kind"))
     }
 
     fn sizes(&self, name: &str) -> Result<Vec<usize>, ModelError> {

@@ -63,7 +63,6 @@ fn model() -> Model {
 fn still(model: &Model) -> Model {
     Model {
         sway: None,
-        resizer: None,
         ..model.clone()
     }
 }

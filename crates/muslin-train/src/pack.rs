@@ -69,8 +69,8 @@ impl Pack {
         }
     }
 
-    /// Whether the nearest skin, and for new ones cloth, is to be looked for: often at first, when the cloth moves much.
-    /// Between these looks skin is followed from triangle to triangle.
+    /// Whether the nearest skin, and for new ones cloth, is to be looked for: often at first, when the cloth moves
+    /// much. Between these looks skin is followed from triangle to triangle.
     pub fn is_due(&self) -> bool {
         self.is_new() || self.visits.is_multiple_of(16)
     }

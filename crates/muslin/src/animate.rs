@@ -40,8 +40,8 @@ const STAGES: usize = 5;
 /// Models with more bytes are refused.
 const MOST_BYTES: u64 = 256 << 20;
 
-/// Plays a model on a motion, or several garments one over the other, and writes the animation to `out` (a `.glb`), with `NAME.report.json`
-/// beside it.
+/// Plays a model on a motion, or several garments one over the other, and writes the animation to `out` (a
+/// `.glb`), with `NAME.report.json` beside it.
 ///
 /// Cloth of our own models swings on from where the first frame was led to, `refine` iterations for each
 /// of the solver's steps in time; without motion, and for the published systems, every frame that the

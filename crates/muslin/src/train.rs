@@ -15,7 +15,6 @@ use std::time::Instant;
 use muslin_body::{Avatar, Figure, Motion};
 use muslin_geom::{Report, Value};
 use muslin_io::{Journal, report_json, write_file, write_weights};
-use muslin_model::Model;
 use muslin_train::published::{Published, System};
 use muslin_train::{Told, Trainer, Training};
 
@@ -197,10 +196,8 @@ impl School<'_, '_> {
         let mut files = Vec::with_capacity(class.parts.len() + 2);
         let mut list = Vec::new();
         for (k, name) in class.files(out).into_iter().enumerate() {
-            let model = Model {
-                notes: self.notes((class, k), &sources, &last),
-                ..class.part_of(&model, k)
-            };
+            let mut model = class.part_of(&model, k);
+            model.notes = self.notes((class, k), (&model.faces, &sources), &last);
             let (weights, off) = small::stored((&model, avatar), (&class.pupils, &shown))?;
             let bytes = write_weights(&weights);
             if let Some(off) = off {
@@ -299,7 +296,7 @@ impl School<'_, '_> {
     fn notes(
         &self,
         (class, k): (&Class, usize),
-        sources: &[String],
+        (faces, sources): (&[[u32; 3]], &[String]),
         last: &Told,
     ) -> BTreeMap<String, String> {
         let d = &self.options.dress;
@@ -321,7 +318,7 @@ impl School<'_, '_> {
             ("height", asked(d.height)),
             ("weight", asked(d.weight)),
             ("gender", asked(d.gender)),
-            ("topology", class.topology(k)),
+            ("topology", topology(faces)),
             ("trained_on", sources.join("; ")),
             ("licence", licence(sources)),
             ("steps", last.step.to_string()),

@@ -3,8 +3,6 @@
 //! A batch is sixteen wearers at rest. Each has its own template, rest lengths and skin; shapes and network are
 //! shared. Poses are then learnt from there, by the first wearer.
 
-use std::sync::Arc;
-
 use glam::DVec3;
 use muslin_body::Pose;
 use muslin_model::{Resizer, Trait};
@@ -23,7 +21,7 @@ pub(crate) struct Resizing {
     net: Mlp,
     /// What each wearer is told of, from -1 to 1, and their skin at rest.
     told: Vec<Vec<f32>>,
-    skins: Vec<Arc<Posed>>,
+    skins: Vec<Posed>,
 }
 
 /// What changes from step to step.
@@ -46,7 +44,7 @@ impl Resizing {
             let own = traits.iter().zip(w.lesson.traits);
             own.map(|(t, (_, x))| t.level_of(*x as f32)).collect()
         };
-        let skin = |w: &Wearer| Arc::new(w.body.skin(&Pose::rest(w.lesson.avatar)));
+        let skin = |w: &Wearer| w.body.skin(&Pose::rest(w.lesson.avatar));
         let mut params = glorot(&net, noise);
         let rows = 3 * wearers[0].template.len();
         params.resize(params.len() + rows * sizes::RESIZER[3], 0.0);

@@ -20,8 +20,10 @@ const ALL: [System; 3] = [System::Pbns, System::Snug, System::Ncs];
 
 /// A trainer of a short piece of the wave.
 fn trainer(course: Course) -> Published<'static> {
-    let class = &*CLASS;
-    let lesson = class.lesson();
+    taught(&CLASS, course)
+}
+
+fn taught(class: &'static Class, course: Course) -> Published<'static> {
     let motion = Motion {
         fps: 25.0,
         poses: class.poses[10..27].to_vec(),
@@ -30,7 +32,7 @@ fn trainer(course: Course) -> Published<'static> {
         fps: 25.0,
         ..course
     };
-    Published::new(vec![lesson], course, vec![motion]).expect("enough poses")
+    Published::new(vec![class.lesson()], course, vec![motion]).expect("enough poses")
 }
 
 /// A batch, and chance that changes nothing.
@@ -393,24 +395,15 @@ static OUTFIT: LazyLock<Class> = LazyLock::new(|| {
     class
 });
 
-fn dressed(course: Course) -> Published<'static> {
-    let motion = Motion {
-        fps: 25.0,
-        poses: OUTFIT.poses[10..27].to_vec(),
-    };
-    let course = Course {
-        fps: 25.0,
-        ..course
-    };
-    Published::new(vec![OUTFIT.lesson()], course, vec![motion]).expect("enough poses")
-}
-
 #[test]
 fn layers_push_each_other_as_their_cost_says_and_no_force_is_lost() {
-    let mut trainer = dressed(Course {
-        rate: 2e-4,
-        ..Course::of(System::Pbns)
-    });
+    let mut trainer = taught(
+        &OUTFIT,
+        Course {
+            rate: 2e-4,
+            ..Course::of(System::Pbns)
+        },
+    );
     trainer.step().expect("finite");
     let sheet = &mut trainer.wearers[0].sheet;
     sheet.mass.fill(0.0);
@@ -436,7 +429,7 @@ fn layers_push_each_other_as_their_cost_says_and_no_force_is_lost() {
 
 #[test]
 fn an_outer_shirt_learns_to_lie_outside() {
-    let mut trainer = dressed(Course::of(System::Pbns));
+    let mut trainer = taught(&OUTFIT, Course::of(System::Pbns));
     let batch = batch(&trainer);
     let cost = |t: &Published| work(t, &batch, &Chance::default()).energies.contact;
     let first = cost(&trainer);
@@ -560,7 +553,7 @@ fn a_resizer_learns_to_lay_the_cloth_on_every_wearer_and_goes_on_to_the_same_bit
     let off = |a: &[f32; 3], b: &[f32; 3]| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f32::max);
     let most = |a: &[[f32; 3]]| {
         a.iter()
-            .zip(&laid)
+            .zip(laid.iter())
             .map(|(a, b)| off(a, b))
             .fold(0.0, f32::max)
     };

@@ -1,5 +1,6 @@
 //! The trainer of the published systems: windows, prediction, losses, and Adam.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use muslin_body::Motion;
@@ -148,10 +149,13 @@ impl<'a> Published<'a> {
         let encoder = net::encoder(&course, (joints, body));
         let drivers: Vec<String> = driving.iter().map(name).collect();
         let wearer = |lesson| Wearer::new(lesson, &course, (&encoder, &traits, &drivers));
-        let wearers: Result<Vec<_>, TrainError> = lessons.into_iter().map(wearer).collect();
-        let wearers = wearers?;
+        let wearers = lessons.into_iter().map(wearer);
+        let wearers = wearers.collect::<Result<Vec<_>, TrainError>>()?;
         let mut noise = Noise::new(course.seed);
         let mut params = net::start(&encoder, &mut noise);
+        if let (Encoder::Ncs(n), false) = (&encoder, course.gravity) {
+            gravity::deafen(n, &mut params);
+        }
         let codes = encoder.n_codes() + usize::from(recipe.has_constant);
         params.resize(params.len() + 3 * lesson.template.len() * codes, 0.0);
         let resizes = course.system == System::Pbns && wearers.len() > 1;
@@ -225,11 +229,11 @@ impl<'a> Published<'a> {
     }
 
     /// Where the cloth of a wearer lies at rest [m].
-    pub(crate) fn laid(&self, who: usize) -> Vec<[f32; 3]> {
+    pub(crate) fn laid(&self, who: usize) -> Cow<'_, [[f32; 3]]> {
         let wearer = &self.wearers[who];
         match &self.resizing {
-            Some(resizing) => resizing.laid(&self.now.resized, (wearer, who)),
-            None => wearer.template.clone(),
+            Some(resizing) => Cow::Owned(resizing.laid(&self.now.resized, (wearer, who))),
+            None => Cow::Borrowed(&wearer.template),
         }
     }
 
@@ -344,10 +348,7 @@ impl Training for Published<'_> {
             drivers: self.drivers.clone(),
             scale: vec![[0.0, 1.0]; self.encoder.n_inputs(self.drivers.len())],
             encoder: self.encoder.clone(),
-            params: match (&self.encoder, self.course.gravity) {
-                (Encoder::Ncs(n), false) => gravity::unheard(n, network),
-                _ => network.to_vec(),
-            },
+            params: network.to_vec(),
             modes,
             traits: match self.encoder {
                 Encoder::Snug(_) => self.traits.clone(),

@@ -102,24 +102,12 @@ impl Published<'_> {
     /// What the network makes of a batch.
     fn guess(&self, batch: &Batch, chance: &Chance) -> Guess {
         let (network, modes) = self.now.params.split_at(self.encoder.n_params());
-        let mut silenced = Vec::new();
-        if let (Encoder::Ncs(n), false) = (&self.encoder, self.course.gravity) {
-            silenced.clone_from(&batch.told);
-            silenced
-                .iter_mut()
-                .for_each(|t| gravity::silence(t, n.joints.len()));
-        }
-        let told = if silenced.is_empty() {
-            &batch.told
-        } else {
-            &silenced
-        };
-        let told = (told.as_slice(), batch.frames.len());
+        let told = (batch.told.as_slice(), batch.frames.len());
         let (mut codes, tape) = net::forward(&self.encoder, network, told, chance);
         if self.course.system.recipe().has_constant {
             codes.iter_mut().for_each(|c| c.extend([1.0; LANES]));
         }
-        let template = &self.laid(batch.wearer);
+        let template: &[[f32; 3]] = &self.laid(batch.wearer);
         let (rows, k) = (3 * template.len(), codes[0].len() / LANES);
         let shaped = |codes: &Vec<f32>| {
             let mut d = vec![[0.0; LANES]; rows];
@@ -171,6 +159,9 @@ impl Published<'_> {
             &mut d_codes,
             d_network,
         );
+        if let (Encoder::Ncs(n), false) = (&self.encoder, self.course.gravity) {
+            gravity::deafen(n, d_network);
+        }
     }
 
     #[cfg(test)]

@@ -264,7 +264,7 @@ fn meeting(set: &Set, x: &[DVec3], skin: &[DVec3]) -> usize {
 }
 
 /// Whether model `k` was taught over just those below it.
-fn knows(models: &[Model], k: usize) -> bool {
+fn taught_over(models: &[Model], k: usize) -> bool {
     let below = models[..k].iter().map(|m| note_of(m, "garment"));
     k > 0 && note_of(&models[k], "over") == below.collect::<Vec<_>>().join(",")
 }
@@ -276,21 +276,24 @@ pub(crate) fn predict(
     (level, every): (f64, usize),
 ) -> Result<Raw, Failure> {
     let poses: Vec<&Pose> = set.moving.motion.poses[set.moving.lead..].iter().collect();
-    let mut layers = Vec::with_capacity(models.len());
-    let mut seconds = 0.0;
+    let mut players = Vec::with_capacity(models.len());
     for model in models {
         let mut player = Player::new(model, set.avatar).map_err(|e| model_failure(&e))?;
         player.begin(1.0 / set.moving.motion.fps);
         player.set_motion_level(level as f32);
-        let mut flat = vec![vec![[0.0f32; 3]; player.n_verts()]; poses.len()];
-        let since = Instant::now();
-        for (pose, out) in poses.iter().zip(&mut flat) {
-            player.frame(pose, &set.avatar.bones(&set.figure, pose), out);
-        }
-        seconds += since.elapsed().as_secs_f64();
-        layers.push(flat);
+        let flat = vec![vec![[0.0f32; 3]; player.n_verts()]; poses.len()];
+        players.push((player, flat));
     }
-    let taught_over: Vec<bool> = (0..models.len()).map(|k| knows(models, k)).collect();
+    let since = Instant::now();
+    for (k, pose) in poses.iter().enumerate() {
+        let bones = set.avatar.bones(&set.figure, pose);
+        for (player, flat) in &mut players {
+            player.frame(pose, &bones, &mut flat[k]);
+        }
+    }
+    let seconds = since.elapsed().as_secs_f64();
+    let layers: Vec<Vec<Vec<[f32; 3]>>> = players.into_iter().map(|p| p.1).collect();
+    let taught_over: Vec<bool> = (0..models.len()).map(|k| taught_over(models, k)).collect();
     let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
     let whole = |k: usize| -> Vec<DVec3> {
         let all = layers.iter().zip(&set.outfit.pieces).zip(&taught_over);

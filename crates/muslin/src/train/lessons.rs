@@ -12,7 +12,7 @@ use muslin_train::published::System;
 use muslin_train::{Lesson, diffused, mixed, thinned};
 use rayon::prelude::*;
 
-use super::{TrainOptions, topology, variety};
+use super::{TrainOptions, variety};
 use crate::drape::{cloth, put_on};
 use crate::dress::asked_shape;
 use crate::failure::Failure;
@@ -151,15 +151,6 @@ impl Class {
             [_] => model.clone(),
             several => model.garment(several[k].verts.clone(), several[k].faces.clone()),
         }
-    }
-
-    /// The hash of garment `k`'s triangles.
-    pub fn topology(&self, k: usize) -> String {
-        let part = &self.parts[k];
-        let first = part.verts.start as u32;
-        let faces = &self.pupils[0].cloth.faces[part.faces.clone()];
-        let faces: Vec<[u32; 3]> = faces.iter().map(|f| f.map(|v| v - first)).collect();
-        topology(&faces)
     }
 
     /// What it learnt from in all, that which the model at the beginning learnt from first.
