@@ -36,24 +36,31 @@ pub(crate) fn film(light: Vec3) -> Vec3 {
 }
 
 /// The sRGB curve on [0, 1], within 1/100 of a byte step: least squares over
-/// roots, which cost a tenth of a power.
-pub(crate) fn encode(c: f32) -> f32 {
-    if c <= 0.003_130_8 {
-        return 12.92 * c;
+/// roots, which cost a tenth of a power. Four at once, as processors take them.
+pub(crate) fn encode(c: [f32; 4]) -> [f32; 4] {
+    let mut out = [0.0; 4];
+    for (out, c) in out.iter_mut().zip(c) {
+        let half = c.sqrt();
+        let fourth = half.sqrt();
+        let eighth = fourth.sqrt();
+        let curved = 0.653_979_07 * half + 0.688_729_14 * fourth
+            - 0.318_488_72 * eighth
+            - 0.020_187_25 * c
+            - 0.004_063_6;
+        *out = if c <= 0.003_130_8 { 12.92 * c } else { curved };
     }
-    let half = c.sqrt();
-    let fourth = half.sqrt();
-    let eighth = fourth.sqrt();
-    0.653_979_07 * half + 0.688_729_14 * fourth
-        - 0.318_488_72 * eighth
-        - 0.020_187_25 * c
-        - 0.004_063_6
+    out
 }
 
 /// Displayable light to sRGB bytes; `dither` in (-0.5, 0.5) shifts the rounding.
 pub(crate) fn bytes(colour: Vec3, dither: f32) -> [u8; 3] {
-    let c = colour.clamp(Vec3::ZERO, Vec3::ONE).to_array();
-    c.map(|c| (encode(c) * 255.0 + 0.5 + dither).clamp(0.0, 255.0) as u8)
+    let [r, g, b] = colour.clamp(Vec3::ZERO, Vec3::ONE).to_array();
+    let mut levels = encode([r, g, b, 0.0]);
+    for level in &mut levels {
+        *level = (*level * 255.0 + 0.5 + dither).clamp(0.0, 255.0);
+    }
+    let [r, g, b, _] = levels;
+    [r as u8, g as u8, b as u8]
 }
 
 /// sRGB bytes to displayable light.
@@ -86,7 +93,7 @@ mod tests {
             let c = i as f32 / 100_000.0;
             let power = 1.055 * c.powf(1.0 / 2.4) - 0.055;
             let exact = if c <= 0.003_130_8 { 12.92 * c } else { power };
-            assert!((encode(c) - exact).abs() < 0.012 / 255.0, "{c}");
+            assert!((encode([c; 4])[3] - exact).abs() < 0.012 / 255.0, "{c}");
         }
     }
 

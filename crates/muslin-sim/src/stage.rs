@@ -72,8 +72,9 @@ pub(crate) struct Stride {
 /// Where a pin sits in the frame of its skin [m].
 type Held = DVec3;
 
-/// Skin this close to cloth must not jump [m].
+/// Skin this close to cloth must not jump [m], if it comes towards it and as close by as that [m].
 const NEARBY: f64 = 0.025;
+const BY: f64 = 0.018;
 /// Thin parts of the body are watched from this far beyond the gap on [m].
 const WATCHED: f64 = 4e-3;
 /// Most that skin may move past nearby cloth in one piece of its way [m].
@@ -183,7 +184,8 @@ impl<'a> Stage<'a> {
         self.carrier.motions(&now, &next, &self.weave.pattern.near)
     }
 
-    /// Into how many pieces the body's way to `frame` must be cut.
+    /// Into how many pieces the body's way to `frame` must be cut: skin that goes ahead, out of the body, must not
+    /// jump over cloth on its way. What draws back does not, and what passes beside it does not either.
     fn pieces(&mut self, frame: &[DVec3], cloth: impl Fn(usize) -> DVec3 + Sync + Send) -> usize {
         self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
         let all = Aabb::of(&self.x).grown(NEARBY);
@@ -197,8 +199,12 @@ impl<'a> Stage<'a> {
             let mut normal = None;
             self.tree.near(&around, |f| {
                 let normal = normal.get_or_insert_with(|| self.body.now.vertex_normal(i as u32));
-                let v = self.weave.faces[f as usize][0] as usize;
-                most = most.max((frame[i] - skin[i] - cloth(v)).dot(*normal).abs());
+                let corners = self.weave.faces[f as usize].map(|v| v as usize);
+                let way = frame[i] - skin[i] - cloth(corners[0]);
+                let ahead = way.dot(*normal);
+                if ahead > most && comes_by(way, corners.map(|v| self.x[v] - skin[i])) {
+                    most = ahead;
+                }
             });
             match self.thin.binary_search(&(i as u32)) {
                 Ok(_) => most * FASTEST / FASTEST_THIN,
@@ -416,6 +422,15 @@ impl<'a> Stage<'a> {
         let mut speeds: Vec<f64> = self.v.iter().map(|v| v.length()).collect();
         quality::percentile(&mut speeds, 0.99)
     }
+}
+
+/// Whether a straight way from the origin comes by one of these points [m].
+fn comes_by(way: DVec3, points: [DVec3; 3]) -> bool {
+    let by = |p: DVec3| {
+        let t = p.dot(way) / way.length_squared();
+        p.distance_squared(way * t.clamp(0.0, 1.0)) < BY * BY
+    };
+    points.into_iter().any(by)
 }
 
 /// Positions [m] at the share `t` of the straight way between two.

@@ -1,13 +1,13 @@
 //! From an outfit and a body to cloth at rest: arrays for the solver, and a verdict on its answer.
 
 use glam::DVec3;
-use muslin_body::{Avatar, Figure, Part, Pose};
+use muslin_body::{Avatar, Figure, Part};
 use muslin_energy::{hinge::Bend, membrane::Stretch};
 use muslin_garment::{Fabric, Worn};
-use muslin_geom::{Drape, Mesh, Surface, self_intersections};
+use muslin_geom::{Drape, Surface};
 use muslin_sim::{BEYOND_LIMIT, Cloth, Frame, Material, Options, Settled, drape_while, stretch};
-use rayon::prelude::*;
 
+use crate::begin::begin;
 use crate::failure::{Exit, Failure};
 use crate::figure::Sitter;
 use crate::outfit::Outfit;
@@ -49,19 +49,12 @@ pub(crate) const NEARLY_THERE: Options = Options {
     again: false,
     ..Options::USUAL
 };
-/// Such steps in which cloth comes to rest that lies where it was taught to; what needs more is caught
-/// somewhere.
-const LAID: usize = 30;
-/// Pairs of triangles that cross, and vertices lost in the body, that there may be in what a garment was taught; with
-/// more it knows nothing of the pose.
-const MANY: usize = 60;
-/// So few come free without a trace.
-const FEW: usize = 12;
-/// Deeper in the body than this a vertex may come out on the far side of a limb [m]; and how deep is looked.
-const LOST: [f64; 2] = [0.015, 0.1];
-/// Shares of the way from the rest pose at which trained garments are asked, until little enough is wrong: what
-/// crosses itself in the pose itself, as legs do in a long step, may not yet do so before.
-const BEGUN: [f64; 5] = [1.0, 0.85, 0.7, 0.55, 0.4];
+/// Such steps for cloth that lies where it was taught to; what needs more of them is caught somewhere.
+pub(crate) const LAID: Options = Options {
+    last_steps: 30,
+    rounds: 1,
+    ..NEARLY_THERE
+};
 /// Largest turn of a joint in one step on the way to the pose [rad].
 const TURN: f64 = 0.09;
 
@@ -136,37 +129,20 @@ pub(crate) fn lay_outfit(
     watch: &Watch<'_>,
 ) -> Result<Dressed, Failure> {
     let worn = put_on(avatar, outfit, &sitter.figure)?;
-    let faces = cloth(outfit, &worn).faces;
-    let laid = |mut known: Known<'_>| {
-        let mut least: Option<(usize, f64, Vec<DVec3>)> = None;
-        for share in BEGUN {
-            let pose = sitter.on_the_way(avatar, share);
-            let mesh = Mesh {
-                verts: known.laid(&pose)?,
-                faces: faces.clone(),
-            };
-            let lost = lost((avatar, &sitter.figure), &pose, &mesh.verts);
-            let wrong = self_intersections(&mesh).len() + lost;
-            if least.as_ref().is_none_or(|l| wrong < l.0) {
-                least = Some((wrong, share, mesh.verts));
-            }
-            if wrong <= FEW {
-                break;
-            }
-        }
-        let (wrong, share, start) = least?;
-        (wrong <= MANY).then_some((share, start))
-    };
     let known = Known::new((avatar, &sitter.figure), (outfit, &worn));
-    if let Some((share, start)) = known.and_then(laid) {
+    let laid = known.and_then(|mut known| {
+        begin(&cloth(outfit, &worn).faces, |share| {
+            let pose = sitter.on_the_way(avatar, share);
+            let posed = avatar.pose(&sitter.figure, &pose);
+            let skin = &posed.verts[avatar.part(Part::Body)];
+            let skin = Surface::new(skin, avatar.collision_faces());
+            Some((known.laid(&pose)?, skin))
+        })
+    });
+    if let Some((share, start)) = laid {
         let path = sitter.path(avatar, (share, TURN));
         let body = (path.as_slice(), avatar.collision_faces());
-        let options = Options {
-            last_steps: LAID,
-            rounds: 1,
-            ..NEARLY_THERE
-        };
-        let dressed = settle((outfit, &worn), &start, body, (options, watch))?;
+        let dressed = settle((outfit, &worn), &start, body, (LAID, watch))?;
         if dressed.quality.fault(false).is_none() && dressed.quality.within_limits() {
             return Ok(Dressed {
                 taught: true,
@@ -175,19 +151,6 @@ pub(crate) fn lay_outfit(
         }
     }
     from_rest((avatar, sitter), (outfit, &worn), watch)
-}
-
-/// How many vertices of the cloth at `x` [m] lie deep in a posed body.
-fn lost((avatar, figure): (&Avatar, &Figure), pose: &Pose, x: &[DVec3]) -> usize {
-    let posed = avatar.pose(figure, pose);
-    let skin = &posed.verts[avatar.part(Part::Body)];
-    let skin = Surface::new(skin, avatar.collision_faces());
-    let [depth, far] = LOST;
-    let is_lost = |p: &&DVec3| {
-        skin.closest(**p, far)
-            .is_some_and(|hit| hit.signed < -depth)
-    };
-    x.par_iter().filter(is_lost).count()
 }
 
 /// Solves from `start` [m] along a path of the body and `watch`es.

@@ -6,6 +6,7 @@
 //! measures it. Each job tells a [`Watch`] of its stages and fails with a [`Failure`].
 
 mod animate;
+mod begin;
 pub mod bench;
 mod brought;
 mod drape;

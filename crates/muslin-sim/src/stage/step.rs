@@ -63,6 +63,14 @@ struct Way {
     inertia: f64,
 }
 
+impl Way {
+    /// How far everything goes unforced [m].
+    fn drift(&self) -> Vec<DVec3> {
+        let both = self.target.iter().zip(&self.from);
+        both.map(|(t, x)| *t - *x).collect()
+    }
+}
+
 /// What a step met of the body.
 struct Met {
     touches: Vec<Touch>,
@@ -84,8 +92,7 @@ impl Stage<'_> {
             }
             let way = self.way(h, pace.inertia);
             if way.target != way.from {
-                let drift = way.target.iter().zip(&way.from).map(|(t, x)| *t - *x);
-                self.go(drift.collect());
+                self.go(way.drift());
             }
             if let Some(met) = self.newton(&way, pace) {
                 self.finish_step((way, met), h, pace);
@@ -117,8 +124,8 @@ impl Stage<'_> {
         }
     }
 
-    /// Newton steps, one if that is enough: another where cloth stretches beyond its limit, or where
-    /// cloth in motion was led far from where it drifted to.
+    /// Newton steps, one if that is enough: another where cloth stretches beyond its limit and that helps, or
+    /// where cloth in motion was led far from where it drifted to.
     ///
     /// Gives the touches of the first and what they pressed in the last, or nothing if no step was
     /// finite.
@@ -129,11 +136,14 @@ impl Stage<'_> {
         let mut from = self.x.clone();
         let mut led = self.correct((way, pace), (&first, &pairs), energy)?;
         let mut pressed = self.pressure(&first, &from);
+        let mut last = f64::INFINITY;
         for _ in 1..pace.rounds {
             let far = !pace.smooth && led[0] > LED_FAR;
-            if !far && quality::excess(self.weave, &self.x) < BEYOND {
+            let beyond = quality::excess(self.weave, &self.x);
+            if !far && (beyond < BEYOND || beyond > LOWERED * last) {
                 break;
             }
+            last = beyond;
             // Where nobody went far, the skin is where it was seen.
             let again = (pace.smooth || led[1] > TURNED).then(|| self.touches(tau));
             let pairs = self.pairs(&self.rule(tau));
@@ -203,8 +213,9 @@ impl Stage<'_> {
         self.steps += 1;
     }
 
-    /// Lets a step begin where the cloth was, not where it drifted to, if that costs less; the pairs
-    /// that push each other where it begins, and the energy there [J], where that was asked.
+    /// Lets a step begin where that costs least of where everything drifted to, where it would had neighbours
+    /// drifted alike, and where it was; the pairs that push each other where it begins, and the energy
+    /// there [J], where that was asked.
     fn start(&mut self, way: &Way, touches: &[Touch]) -> (Vec<Pair>, Option<f64>) {
         let rule = self.rule(way.scheme.tau);
         let pairs = self.pairs(&rule);
@@ -213,12 +224,23 @@ impl Stage<'_> {
         }
         let pins = self.pin_targets();
         let problem = self.problem(way, (touches, &pairs, &pins));
-        let energy = problem.energy(&self.x);
-        if problem.energy(&way.from) < energy {
-            self.x.clone_from(&way.from);
-            return (self.pairs(&rule), None);
+        let (energy, still) = (problem.energy(&self.x), problem.energy(&way.from));
+        if still >= energy {
+            return (pairs, Some(energy));
         }
-        (pairs, Some(energy))
+        // A few neighbours that drift apart cost more than all that is won elsewhere.
+        let near = &self.weave.pattern.near;
+        let alike = (0..ALIKE).fold(way.drift(), |d, _| smoother(&d, near, 1.0));
+        self.x.clone_from(&way.from);
+        self.go(alike);
+        let pairs = self.pairs(&rule);
+        let problem = self.problem(way, (touches, &pairs, &pins));
+        let energy = problem.energy(&self.x);
+        if energy < still {
+            return (pairs, Some(energy));
+        }
+        self.x.clone_from(&way.from);
+        (self.pairs(&rule), None)
     }
 
     /// The moves of a Newton step [m].
@@ -346,6 +368,9 @@ pub(crate) const ROUNDS: usize = 6;
 /// Newton steps at most in a step of cloth that is to come to rest.
 pub(crate) const CALM_ROUNDS: usize = 3;
 const BEYOND: f64 = 0.008;
+/// Share of it that a Newton step leaves at most, or another does no more: where cloth is wedged, some
+/// triangle is always beyond.
+const LOWERED: f64 = 0.75;
 /// So does a correction of so much [m]: what is left of it is lost motion.
 const LED_FAR: f64 = 1e-3;
 /// A correction of so much asks where the skin is now [m].
@@ -385,5 +410,7 @@ fn smoother(v: &[DVec3], near: &Rows, share: f64) -> Vec<DVec3> {
 }
 
 const SMOOTHINGS: usize = 3;
+/// As often for cloth that drifts as its neighbours do.
+const ALIKE: usize = 10;
 /// Time in which yarns that rub calm a ripple of the size of the mesh [s].
 const RUB: f64 = 0.015;

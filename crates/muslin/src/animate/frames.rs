@@ -1,15 +1,17 @@
 //! Frames of a model, as predicted and as the solver leaves them.
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 use glam::DVec3;
 use muslin_body::Pose;
 use muslin_geom::{Mesh, Surface, intersecting_pairs};
 use muslin_model::{Model, Player};
-use muslin_sim::{Frame, Guesses, Options, Refined, Settled, drape, refine};
+use muslin_sim::{Frame, Guesses, Options, Refined, Settled, drape, drape_while, refine};
 use rayon::prelude::*;
 
-use crate::drape::NEARLY_THERE;
+use crate::begin::begin;
+use crate::drape::{LAID, NEARLY_THERE};
 use crate::failure::{Exit, Failure};
 use crate::layers::{Predicted, stacked};
 use crate::simulate::reel::{Reel, Told};
@@ -61,9 +63,13 @@ pub(crate) fn play(
     let mut solved = match refine {
         0 => shown(set, &raw.frames, watch)?,
         _ => {
-            let begun = begun((set, refine), &raw.frames[0], watch)?;
-            let begun = begun.as_deref();
-            along((set, refine, inertia), (0, &raw.frames, begun), watch)?
+            let how = (set, refine, inertia);
+            let mut solved = led(how, (0, &raw.frames, None), (true, watch))?;
+            if solved[0].faults > 0 {
+                let begun = begun((set, models), &mut solved, watch)?;
+                solved = along(how, (0, &raw.frames, begun.as_deref()), watch)?;
+            }
+            solved
         }
     };
     if refine > 0 {
@@ -154,9 +160,18 @@ fn shown(set: &Set, raw: &[Vec<DVec3>], watch: &mut Watch) -> Result<Vec<Solved>
 /// Leads predictions of the frames from `first` on to rest, `steps` each, one after the other; or lets the
 /// cloth swing from the first of them on, where inertia counts.
 pub(crate) fn along(
+    how: (&Set, usize, f64),
+    guesses: (usize, &[Vec<DVec3>], Option<&[DVec3]>),
+    watch: &mut Watch,
+) -> Result<Vec<Solved>, Failure> {
+    led(how, guesses, (false, watch))
+}
+
+/// The same; `or_none`: where the first frame ends with a fault, it is all there is.
+fn led(
     (set, steps, inertia): (&Set, usize, f64),
     (first, raw, begun): (usize, &[Vec<DVec3>], Option<&[DVec3]>),
-    watch: &mut Watch,
+    (or_none, watch): (bool, &mut Watch),
 ) -> Result<Vec<Solved>, Failure> {
     let (rest, at) = (set.rest(), |k: usize| set.frame(k));
     let walk = set.walk(&rest, &at);
@@ -171,37 +186,100 @@ pub(crate) fn along(
         steps,
         inertia,
     };
-    let may_go_on = watch.may_go_on();
+    let (asked, in_vain) = (watch.may_go_on(), AtomicBool::new(false));
+    let may_go_on = || asked() && !in_vain.load(Relaxed);
     let mut out = Vec::with_capacity(raw.len());
     let deliver = |r: Refined| {
         out.push(Solved::from(r));
+        if or_none && out.len() == 1 && out[0].faults > 0 {
+            in_vain.store(true, Relaxed);
+        }
         watch.progress(&format!("frame {} of {}", out.len(), raw.len()));
     };
     let ended = refine(&set.cloth, &guesses, (&walk, &options, &may_go_on), deliver);
     watch.go_on()?;
+    if in_vain.into_inner() {
+        return Ok(out);
+    }
     ended.map_err(|e| Failure::new(Exit::Numbers, "refine", e.to_string()))?;
     Ok(out)
 }
 
-/// Where the cloth lies clean in the first frame [m], if the solver cannot lead its prediction there in
-/// `steps`: as on a body that the network never met.
+/// Where the cloth lies clean in the first frame [m], which was led there in vain: as where legs cross, or on a
+/// body that the network never met.
 fn begun(
-    (set, steps): (&Set, usize),
-    raw: &Vec<DVec3>,
+    (set, models): (&Set, &[Model]),
+    first: &mut [Solved],
     watch: &mut Watch,
 ) -> Result<Option<Vec<DVec3>>, Failure> {
-    let mut first = along(
-        (set, steps, 0.0),
-        (0, std::slice::from_ref(raw), None),
-        watch,
-    )?;
-    if first[0].faults == 0 {
-        return Ok(None);
+    // What a character's shape does to garments the networks do not know on the way either.
+    if set.hero.is_none() {
+        watch.progress("on the way into the motion");
+        if let Some(clean) = led_in((set, models), watch)? {
+            return Ok(Some(clean));
+        }
     }
     watch.progress("on the way from the rest pose into the motion");
-    reach(set, 0, &mut first)?;
-    let clean = first.swap_remove(0);
-    Ok((clean.faults == 0).then_some(clean.cloth))
+    reach(set, 0, first)?;
+    Ok((first[0].faults == 0).then(|| first[0].cloth.clone()))
+}
+
+/// The cloth in the first frame [m], begun on the lead-in where the networks know it; nothing if they do not, or
+/// if it does not come clean from there.
+fn led_in(
+    (set, models): (&Set, &[Model]),
+    watch: &mut Watch,
+) -> Result<Option<Vec<DVec3>>, Failure> {
+    let (motion, lead) = (&set.moving.motion, set.moving.lead);
+    let mut players = players((set, models), 0.0)?;
+    let pose = |share: f64| (share * lead as f64).round() as usize;
+    let laid = begin(&set.cloth.faces, |share| {
+        let k = pose(share);
+        let bones = set.avatar.bones(&set.figure, &motion.poses[k]);
+        let flat = players.iter_mut().map(|player| {
+            let mut flat = vec![[0.0f32; 3]; player.n_verts()];
+            player.begin(1.0 / motion.fps);
+            player.frame(&motion.poses[k], &bones, &mut flat);
+            flat
+        });
+        let flat: Vec<_> = flat.collect();
+        let sound = flat.iter().flatten().flatten().all(|x| x.is_finite());
+        let skin = Surface::new(&set.skin(k), set.avatar.collision_faces());
+        sound.then(|| (one_over_the_other((set, models), &flat), skin))
+    });
+    watch.go_on()?;
+    let Some((share, start)) = laid else {
+        return Ok(None);
+    };
+    let path: Vec<Frame> = (pose(share)..=lead).map(|k| set.frame(k)).collect();
+    let body = (path.as_slice(), set.avatar.collision_faces());
+    let may_go_on = watch.may_go_on();
+    let settled = drape_while(&set.cloth, &start, body, (&LAID, &may_go_on));
+    watch.go_on()?;
+    // Where it does not end well, the way from the rest pose is left.
+    Ok(settled.ok().filter(|s| faults(s) == 0).map(|s| s.verts))
+}
+
+/// One player for each garment.
+fn players((set, models): (&Set, &[Model]), level: f64) -> Result<Vec<Player>, Failure> {
+    let one = |model| {
+        let mut player = Player::new(model, set.avatar).map_err(|e| model_failure(&e))?;
+        player.begin(1.0 / set.moving.motion.fps);
+        player.set_motion_level(level as f32);
+        Ok(player)
+    };
+    models.iter().map(one).collect()
+}
+
+/// Garments of a frame as one cloth [m], each led out of those below it.
+fn one_over_the_other((set, models): (&Set, &[Model]), flat: &[Vec<[f32; 3]>]) -> Vec<DVec3> {
+    let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+    let all = flat.iter().zip(&set.outfit.pieces).enumerate();
+    stacked(all.map(|(k, (flat, piece))| Predicted {
+        garment: &piece.garment,
+        x: flat.iter().map(wide).collect(),
+        taught_over: taught_over(models, k),
+    }))
 }
 
 /// Solves frame `k` from the nearest clean one, else from the rest pose.
@@ -276,34 +354,19 @@ pub(crate) fn predict(
     (level, every): (f64, usize),
 ) -> Result<Raw, Failure> {
     let poses: Vec<&Pose> = set.moving.motion.poses[set.moving.lead..].iter().collect();
-    let mut players = Vec::with_capacity(models.len());
-    for model in models {
-        let mut player = Player::new(model, set.avatar).map_err(|e| model_failure(&e))?;
-        player.begin(1.0 / set.moving.motion.fps);
-        player.set_motion_level(level as f32);
-        let flat = vec![vec![[0.0f32; 3]; player.n_verts()]; poses.len()];
-        players.push((player, flat));
-    }
+    let mut players = players((set, models), level)?;
+    let blank = |player: &Player| vec![[0.0f32; 3]; player.n_verts()];
+    let blank: Vec<_> = players.iter().map(blank).collect();
+    let mut flat = vec![blank; poses.len()];
     let since = Instant::now();
     for (k, pose) in poses.iter().enumerate() {
         let bones = set.avatar.bones(&set.figure, pose);
-        for (player, flat) in &mut players {
-            player.frame(pose, &bones, &mut flat[k]);
+        for (player, flat) in players.iter_mut().zip(&mut flat[k]) {
+            player.frame(pose, &bones, flat);
         }
     }
     let seconds = since.elapsed().as_secs_f64();
-    let layers: Vec<Vec<Vec<[f32; 3]>>> = players.into_iter().map(|p| p.1).collect();
-    let taught_over: Vec<bool> = (0..models.len()).map(|k| taught_over(models, k)).collect();
-    let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-    let whole = |k: usize| -> Vec<DVec3> {
-        let all = layers.iter().zip(&set.outfit.pieces).zip(&taught_over);
-        stacked(all.map(|((flat, piece), taught_over)| Predicted {
-            garment: &piece.garment,
-            x: flat[k].iter().map(wide).collect(),
-            taught_over: *taught_over,
-        }))
-    };
-    let sound = layers.iter().flatten().flatten().flatten();
+    let sound = flat.iter().flatten().flatten().flatten();
     if !sound.clone().all(|x| x.is_finite()) {
         return Err(Failure::new(
             Exit::Numbers,
@@ -311,7 +374,8 @@ pub(crate) fn predict(
             "the network gives positions that are not finite",
         ));
     }
-    let frames: Vec<Vec<DVec3>> = (0..poses.len()).into_par_iter().map(whole).collect();
+    let whole = |flat: &Vec<Vec<[f32; 3]>>| one_over_the_other((set, models), flat);
+    let frames: Vec<Vec<DVec3>> = flat.par_iter().map(whole).collect();
     let looked: Vec<usize> = (0..frames.len()).step_by(every).collect();
     let count = |&k: &usize| {
         let skin = set.skin(set.moving.lead + k);
