@@ -6,6 +6,7 @@
 //! distance, and its inside begins to touch as well.
 
 use glam::DVec3;
+use muslin_geom::vertex_normals;
 
 use crate::{cloth::SimError, quality::Settled, relief, stage::Stage, weave::Weave};
 
@@ -19,6 +20,8 @@ const MOST_LIFT: f64 = 8e-3;
 const YIELDS: usize = 40;
 const GIVE: f64 = 1e-3;
 const MOST_GIVE: [f64; 2] = [0.035, 0.004];
+/// By how much files round cloth and skin together at most, stored in 16 bits over a body [m].
+const ROUNDED: f64 = 6e-5;
 
 /// Makes the cloth clean, and measures it as `weave`. `cores`: as in [`relief::Frame`].
 pub(crate) fn finish(
@@ -39,6 +42,11 @@ pub(crate) fn finish(
         }
     }
     let yielded = give(stage, cores);
+    // What is stored is rounded: cloth must be clear of the skin by more than that.
+    let clear = nearer(stage);
+    let lies = std::mem::replace(&mut stage.x, clear);
+    let yielded = yielded.max(give(stage, cores));
+    stage.x = lies;
     let crossing = stage.in_itself().len();
     let meeting = stage.in_body().len();
     let measured = Settled::measure(weave, stage.x.clone(), &stage.body.now, (crossing, meeting));
@@ -48,6 +56,13 @@ pub(crate) fn finish(
         yielded,
         ..measured
     })
+}
+
+/// The cloth, nearer to what is under it by what rounding may bring them together.
+fn nearer(stage: &Stage<'_>) -> Vec<DVec3> {
+    let normals = vertex_normals(&stage.x, &stage.weave.faces);
+    let all = stage.x.iter().zip(normals);
+    all.map(|(x, n)| *x - n * ROUNDED).collect()
 }
 
 /// Makes a frame of a motion clean: the body to deliver [m], how far it yielded for that [m], and
