@@ -50,6 +50,9 @@ pub(crate) fn model(garment: &str) -> Result<Model, Failure> {
 /// Seconds between poses of which there is only one.
 const STEP: f64 = 1.0 / 30.0;
 
+/// A garment, its player, and whether it was taught to lie over those below it.
+type Wise<'a> = (&'a Piece, Player, bool);
+
 /// An outfit of trained garments on somebody, which knows where it lies in a pose.
 ///
 /// The networks know their own garment's folds in a pose, for this shape and fabric where they were told
@@ -57,7 +60,7 @@ const STEP: f64 = 1.0 / 30.0;
 pub(crate) struct Known<'a> {
     avatar: &'a Avatar,
     figure: &'a Figure,
-    pieces: Vec<(&'a Piece, Player)>,
+    pieces: Vec<Wise<'a>>,
 }
 
 impl<'a> Known<'a> {
@@ -73,7 +76,7 @@ impl<'a> Known<'a> {
         let one = |((piece, worn), model): ((&'a Piece, &Worn), Model)| {
             let of = (&piece.fabric, &measures, outfit.cut_for.as_ref());
             let model = traits::told(fitted(model, &worn.verts), of);
-            Some((piece, Player::new(&model, avatar).ok()?))
+            Some((piece, Player::new(&model, avatar).ok()?, false))
         };
         let pieces = all.map(one).collect::<Option<_>>()?;
         Some(Self {
@@ -83,11 +86,20 @@ impl<'a> Known<'a> {
         })
     }
 
+    /// An outfit of models that know this figure and fabric already.
+    pub fn told((avatar, figure): (&'a Avatar, &'a Figure), pieces: Vec<Wise<'a>>) -> Self {
+        Self {
+            avatar,
+            figure,
+            pieces,
+        }
+    }
+
     /// Where it lies [m]; nothing if that is nowhere.
     pub fn laid(&mut self, pose: &Pose) -> Option<Vec<DVec3>> {
         let mut garments = Vec::with_capacity(self.pieces.len());
         let bones = self.avatar.bones(self.figure, pose);
-        for (piece, player) in &mut self.pieces {
+        for (piece, player, taught_over) in &mut self.pieces {
             let mut verts = vec![[0.0; 3]; player.n_verts()];
             player.begin(STEP);
             player.frame(pose, &bones, &mut verts);
@@ -99,7 +111,7 @@ impl<'a> Known<'a> {
             garments.push(Predicted {
                 garment: &piece.garment,
                 x: verts,
-                taught_over: false,
+                taught_over: *taught_over,
             });
         }
         Some(stacked(garments.into_iter()))

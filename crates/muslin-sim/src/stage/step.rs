@@ -192,7 +192,7 @@ impl Stage<'_> {
         let old = std::mem::take(&mut self.v);
         let near = &self.weave.pattern.near;
         self.v = if pace.smooth {
-            (0..SMOOTHINGS).fold(raw, |v, _| smoother(&v, near, 1.0))
+            smoothed(raw, near, SMOOTHINGS)
         } else {
             smoother(&raw, near, (h / RUB).min(1.0))
         };
@@ -230,7 +230,7 @@ impl Stage<'_> {
         }
         // A few neighbours that drift apart cost more than all that is won elsewhere.
         let near = &self.weave.pattern.near;
-        let alike = (0..ALIKE).fold(way.drift(), |d, _| smoother(&d, near, 1.0));
+        let alike = smoothed(way.drift(), near, ALIKE);
         self.x.clone_from(&way.from);
         self.go(alike);
         let pairs = self.pairs(&rule);
@@ -407,6 +407,11 @@ fn smoother(v: &[DVec3], near: &Rows, share: f64) -> Vec<DVec3> {
         let mean = row.iter().map(|&j| v[j as usize]).sum::<DVec3>() / row.len() as f64;
         v[i].lerp(mean, share)
     })
+}
+
+/// Each led all the way to that mean, so many times.
+fn smoothed(v: Vec<DVec3>, near: &Rows, times: usize) -> Vec<DVec3> {
+    (0..times).fold(v, |v, _| smoother(&v, near, 1.0))
 }
 
 const SMOOTHINGS: usize = 3;

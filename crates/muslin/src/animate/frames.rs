@@ -16,6 +16,7 @@ use crate::failure::{Exit, Failure};
 use crate::layers::{Predicted, stacked};
 use crate::simulate::reel::{Reel, Told};
 use crate::simulate::set::Set;
+use crate::wardrobe::Known;
 use crate::watch::Watch;
 
 use super::{model_failure, note_of};
@@ -231,21 +232,15 @@ fn led_in(
     watch: &mut Watch,
 ) -> Result<Option<Vec<DVec3>>, Failure> {
     let (motion, lead) = (&set.moving.motion, set.moving.lead);
-    let mut players = players((set, models), 0.0)?;
+    let players = players((set, models), 0.0)?.into_iter().enumerate();
+    let pieces = players.zip(&set.outfit.pieces);
+    let pieces = pieces.map(|((k, player), piece)| (piece, player, taught_over(models, k)));
+    let mut known = Known::told((set.avatar, &set.figure), pieces.collect());
     let pose = |share: f64| (share * lead as f64).round() as usize;
     let laid = begin(&set.cloth.faces, |share| {
         let k = pose(share);
-        let bones = set.avatar.bones(&set.figure, &motion.poses[k]);
-        let flat = players.iter_mut().map(|player| {
-            let mut flat = vec![[0.0f32; 3]; player.n_verts()];
-            player.begin(1.0 / motion.fps);
-            player.frame(&motion.poses[k], &bones, &mut flat);
-            flat
-        });
-        let flat: Vec<_> = flat.collect();
-        let sound = flat.iter().flatten().flatten().all(|x| x.is_finite());
         let skin = Surface::new(&set.skin(k), set.avatar.collision_faces());
-        sound.then(|| (one_over_the_other((set, models), &flat), skin))
+        Some((known.laid(&motion.poses[k])?, skin))
     });
     watch.go_on()?;
     let Some((share, start)) = laid else {
