@@ -1,4 +1,5 @@
-//! `cargo xtask assets wardrobe CMU_DIR [NAME ...]`: the trained garments that come with the program.
+//! `cargo xtask assets wardrobe CMU_DIR [NAME ...]`: the trained garments that come with the program; and
+//! `cargo xtask assets garments`: all of them, as they are cut.
 //!
 //! Each learns by `muslin train` from the built-in motions, from nine recordings of the CMU Graphics Lab
 //! Motion Capture Database, and from poses mixed of both. Nothing was simulated.
@@ -53,6 +54,24 @@ fn recordings(folder: &Path) -> Result<Vec<PathBuf>, String> {
     RECORDINGS.iter().map(one).collect()
 }
 
+/// What everything of the wardrobe is written to.
+const FOLDER: &str = "assets/wardrobe";
+
+/// Cuts the garments, for whom nobody should wait later.
+pub fn cut() -> Outcome {
+    let mut cut = Command::new("cargo");
+    cut.args(["run", "--release", "--package", "muslin", "--example"]);
+    done(cut.args(["cut_garments", "--", FOLDER]))
+}
+
+fn done(command: &mut Command) -> Outcome {
+    match command.status() {
+        Ok(s) if s.success() => Ok(()),
+        Ok(s) => Err(format!("{command:?}: {s}")),
+        Err(e) => Err(format!("{command:?}: {e}")),
+    }
+}
+
 /// Teaches the named garments, or all.
 pub fn build(args: &[&str]) -> Outcome {
     let Some((folder, names)) = args.split_first() else {
@@ -61,7 +80,7 @@ pub fn build(args: &[&str]) -> Outcome {
     let recordings = recordings(Path::new(folder))?;
     let all: Vec<&str> = NAMES.iter().map(|n| n.0).collect();
     let names = if names.is_empty() { &all[..] } else { names };
-    let folder = Path::new("assets/wardrobe");
+    let folder = Path::new(FOLDER);
     for name in names {
         let Some((_, first_coarse)) = NAMES.iter().find(|n| n.0 == *name) else {
             return Err(format!("{name}: not in the wardrobe ({})", all.join(", ")));
@@ -102,11 +121,7 @@ fn teach(name: &str, (recordings, model): (&[PathBuf], &Path), how: &[OsString])
     recordings.iter().for_each(|r| {
         train.arg("--motion").arg(r);
     });
-    match train.arg("--out").arg(model).status() {
-        Ok(s) if s.success() => {}
-        Ok(s) => return Err(format!("{train:?}: {s}")),
-        Err(e) => return Err(format!("{train:?}: {e}")),
-    }
+    done(train.arg("--out").arg(model))?;
     // The curve and the report stay with whoever made it.
     for kind in ["csv", "report.json"] {
         removed(&model.with_extension(kind))?;

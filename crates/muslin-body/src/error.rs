@@ -99,3 +99,9 @@ pub enum BodyError {
         names: String,
     },
 }
+
+impl From<crate::packed::Damaged> for BodyError {
+    fn from(damaged: crate::packed::Damaged) -> Self {
+        Self::Corrupt(damaged.0)
+    }
+}

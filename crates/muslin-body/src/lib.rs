@@ -31,6 +31,7 @@ mod measure;
 mod motion;
 pub mod motions;
 pub mod names;
+pub mod packed;
 mod pose;
 pub mod retarget;
 mod rig;

@@ -1,6 +1,7 @@
 //! What can go wrong when a garment is made.
 
 use muslin_body::BodyError;
+use muslin_body::packed::Damaged;
 
 /// Why a garment could not be made or put on.
 #[derive(Debug, thiserror::Error)]
@@ -11,6 +12,11 @@ pub enum GarmentError {
     /// Garments are cut from the tights around the body.
     #[error("this avatar has no tights to cut garments from; use the embedded avatar")]
     NoTights,
+    /// The bytes are not a whole garment.
+    #[error(
+        "a garment cut beforehand is damaged ({0}); install again, or rebuild it with `cargo xtask assets garments`"
+    )]
+    Damaged(&'static str),
     /// A recipe's figure is out of range.
     #[error("{what} is {value}, allowed is {low} to {high}")]
     OutOfRange {
@@ -43,4 +49,10 @@ pub enum GarmentError {
         /// Why, and what to do.
         what: String,
     },
+}
+
+impl From<Damaged> for GarmentError {
+    fn from(damaged: Damaged) -> Self {
+        Self::Damaged(damaged.0)
+    }
 }

@@ -8,6 +8,7 @@ use crate::recipe::{Opening, Plan, Recipe};
 use crate::settle::{Net, Track};
 use crate::sheet::{Row, Sheet, blend};
 use crate::stand::{BodyMap, Stand};
+use crate::stored::{round, round_lengths, round_shares};
 use glam::{DVec2, DVec3};
 use muslin_body::{Avatar, Figure, Sparse};
 use muslin_geom::Surface;
@@ -75,7 +76,8 @@ impl Garment {
         let base = avatar.standard()?;
         let map = BodyMap::new(avatar, &base)?;
         let stand = Stand::new(&map, &base);
-        let (sheet, x) = mesh(recipe, &stand)?;
+        let (mut sheet, x) = mesh(recipe, &stand)?;
+        sheet.rows.iter_mut().for_each(round_shares);
         let net = Net::new(sheet.faces, sheet.rows.len());
         let rims = name_rims(recipe, &net, &x);
         let mut binding = Sparse::new();
@@ -96,13 +98,14 @@ impl Garment {
             offset: x
                 .iter()
                 .zip(&sheet.rows)
-                .map(|(x, r)| *x - blend(r, &base.verts))
+                .map(|(x, r)| round_lengths(*x - blend(r, &base.verts)))
                 .collect(),
             net,
             brought: None,
         };
         let x = garment.settled(recipe, &stand, (&[], None));
         garment.snug = snug(&garment.rims, &garment.faces, &x);
+        garment.snug.iter_mut().for_each(|s| *s = round(*s));
         garment.draw_pattern(&recipe.plan(&stand, None), (&stand, &x), &sheet.rows);
         Ok(garment)
     }
@@ -246,7 +249,10 @@ impl Garment {
             })
             .collect();
         self.panel = laid.iter().map(|l| l.panel as u8).collect();
-        self.uv = flatten(x, &self.faces, &laid);
+        let flat = flatten(x, &self.faces, &laid).into_iter();
+        self.uv = flat
+            .map(|f| f.map(|p| DVec2::new(round(p.x), round(p.y))))
+            .collect();
     }
 }
 
@@ -316,7 +322,7 @@ fn tracks(plan: &Plan, rims: &[Rim], x: &[DVec3]) -> Vec<Track> {
     rims.iter().map(|r| plan.track(r.opening, &at(r))).collect()
 }
 
-fn name_rims(recipe: &Recipe, net: &Net, x: &[DVec3]) -> Vec<Rim> {
+pub(crate) fn name_rims(recipe: &Recipe, net: &Net, x: &[DVec3]) -> Vec<Rim> {
     let middle =
         |ring: &Vec<u32>| ring.iter().map(|&i| x[i as usize]).sum::<DVec3>() / ring.len() as f64;
     let middles: Vec<DVec3> = net.loops.iter().map(middle).collect();
@@ -327,7 +333,7 @@ fn name_rims(recipe: &Recipe, net: &Net, x: &[DVec3]) -> Vec<Rim> {
     net.loops.iter().enumerate().map(rim).collect()
 }
 
-fn pins(rims: &[Rim]) -> Vec<u32> {
+pub(crate) fn pins(rims: &[Rim]) -> Vec<u32> {
     let mut all: Vec<u32> = rims
         .iter()
         .filter(|r| r.opening == Opening::Waist)

@@ -15,6 +15,7 @@ mod settle;
 mod sewing;
 mod sheet;
 mod stand;
+mod stored;
 mod tube;
 
 pub use error::GarmentError;

@@ -425,6 +425,30 @@ fn figures_that_cannot_be_cut_are_refused() {
 }
 
 #[test]
+fn a_garment_comes_out_of_its_bytes_as_it_was_cut() {
+    let recipe = Recipe::Dress(Dress {
+        top: Tee {
+            edge: 0.025,
+            ..Tee::default()
+        },
+        ..Dress::default()
+    });
+    let cut = made(recipe.clone());
+    let bytes = cut.encode(avatar()).expect("the avatar is sound");
+    let bytes = bytes.expect("it was cut");
+    let read = Garment::decode(avatar(), &recipe, &bytes).expect("whole");
+    assert_eq!(read.expect("of this recipe"), cut);
+    let other = Garment::decode(avatar(), &Recipe::Tee(Tee::default()), &bytes);
+    assert!(other.expect("whole").is_none());
+    for at in [0, 9, 13, 21, bytes.len() / 2] {
+        let mut bad = bytes.clone();
+        bad[at] ^= 16;
+        let read = Garment::decode(avatar(), &recipe, &bad);
+        assert!(matches!(read, Err(GarmentError::Damaged(_))), "byte {at}");
+    }
+}
+
+#[test]
 fn any_number_of_threads_gives_the_same_garment() {
     let recipe = Recipe::Tee(Tee {
         edge: 0.025,

@@ -43,7 +43,7 @@ pub use muslin_garment::Cut;
 pub use muslin_train::published::System;
 pub use options::{Backdrop, DressOptions, Person, Wear};
 pub use outcome::Outcome;
-pub use outfit::{Outfit, Piece};
+pub use outfit::{Outfit, Piece, cut_beforehand};
 pub use play::Playing;
 pub use simulate::{Bake, SimulateOptions, simulate, simulate_several};
 pub use size::Size;

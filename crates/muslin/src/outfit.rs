@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 use muslin_body::{Avatar, Shape, names};
-use muslin_garment::{Dress, Fabric, Garment, Recipe, Skirt, Tee, Trousers};
+use muslin_garment::{Dress, Fabric, Garment, GarmentError, Recipe, Skirt, Tee, Trousers};
 use muslin_geom::Part;
 
 use rayon::prelude::*;
@@ -11,6 +11,7 @@ use crate::brought;
 use crate::dress::asked_shape;
 use crate::fabric;
 use crate::failure::{Exit, Failure};
+use crate::figure::body_failure;
 use crate::options::{DressOptions, Wear};
 use crate::size::CutFor;
 
@@ -107,6 +108,60 @@ pub(crate) const WARDROBE: [Entry; 6] = [
         },
     },
 ];
+
+/// What was cut beforehand, by name, as `cargo xtask assets garments` writes it.
+const CUT: [(&str, &[u8]); 6] = [
+    ("tee", include_bytes!("../../../assets/wardrobe/tee.cut")),
+    (
+        "long-sleeve",
+        include_bytes!("../../../assets/wardrobe/long-sleeve.cut"),
+    ),
+    (
+        "trousers",
+        include_bytes!("../../../assets/wardrobe/trousers.cut"),
+    ),
+    (
+        "shorts",
+        include_bytes!("../../../assets/wardrobe/shorts.cut"),
+    ),
+    (
+        "skirt",
+        include_bytes!("../../../assets/wardrobe/skirt.cut"),
+    ),
+    (
+        "dress",
+        include_bytes!("../../../assets/wardrobe/dress.cut"),
+    ),
+];
+
+/// Every garment of the wardrobe as it is cut unless something else is asked for, by name: the bytes of
+/// [`Garment::encode`], which `cargo xtask assets garments` keeps, so that nobody waits for scissors.
+pub fn cut_beforehand() -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
+    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let options = DressOptions::default();
+    let one = |entry: &Entry| {
+        let fault = |e: GarmentError| garment_failure(entry, &e);
+        let garment = Garment::make(&avatar, &(entry.recipe)(&options)).map_err(fault)?;
+        let bytes = garment.encode(&avatar).map_err(fault)?;
+        Ok((entry.name, bytes.expect("it was cut")))
+    };
+    WARDROBE.par_iter().map(one).collect()
+}
+
+/// The garment that an entry stands for: as it was cut beforehand, if that is what is asked for.
+fn cut(avatar: &Avatar, entry: &Entry, options: &DressOptions) -> Result<Garment, GarmentError> {
+    let recipe = (entry.recipe)(options);
+    if let Some((_, bytes)) = CUT.iter().find(|c| c.0 == entry.name)
+        && let Some(garment) = Garment::decode(avatar, &recipe, bytes)?
+    {
+        return Ok(garment);
+    }
+    Garment::make(avatar, &recipe)
+}
+
+fn garment_failure(entry: &Entry, e: &GarmentError) -> Failure {
+    Failure::new(Exit::Invalid, "garment", e.to_string()).at(entry.name)
+}
 
 fn tee(options: &DressOptions) -> Tee {
     Tee {
@@ -240,8 +295,7 @@ fn piece(
     }
     let entry = entry(&wear.garment)?;
     let (fabric, said) = fabric(entry.fabric)?;
-    let mut garment = Garment::make(avatar, &(entry.recipe)(options))
-        .map_err(|e| Failure::new(Exit::Invalid, "garment", e.to_string()).at(entry.name))?;
+    let mut garment = cut(avatar, entry, options).map_err(|e| garment_failure(entry, &e))?;
     entry.name.clone_into(&mut garment.name);
     let piece = Piece {
         garment,
@@ -284,6 +338,35 @@ mod tests {
             };
             let made = Outfit::make(&avatar, &options, |_| {}).map(|o| o.pieces.len());
             assert!(matches!(made, Ok(6)), "{cut:?}: {made:?}");
+        }
+    }
+
+    // Which way an edge flips hangs on the last digit of a sine, which other libraries round otherwise.
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    #[test]
+    fn what_was_cut_beforehand_is_what_would_be_cut_today() {
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        let options = DressOptions::default();
+        for entry in &WARDROBE {
+            let known = cut(&avatar, entry, &options).expect("it is whole");
+            let today = Garment::make(&avatar, &(entry.recipe)(&options)).expect("it can be cut");
+            assert!(
+                known == today,
+                "{}: cargo xtask assets garments",
+                entry.name
+            );
+        }
+    }
+
+    #[test]
+    fn all_that_is_cut_beforehand_is_used() {
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        for entry in &WARDROBE {
+            let (_, bytes) = CUT.iter().find(|c| c.0 == entry.name).expect("it is there");
+            let recipe = (entry.recipe)(&DressOptions::default());
+            let read = Garment::decode(&avatar, &recipe, bytes).expect("it is whole");
+            let name = entry.name;
+            assert!(read.is_some(), "{name}: cut from another recipe or body");
         }
     }
 

@@ -4,8 +4,8 @@
 //! known: the fourth is then where the parallelogram ends. Failing that, the mean of known
 //! neighbours; failing that, the nearest known point.
 
-use super::bytes::{Reader, Writer};
 use crate::BodyError;
+use crate::packed::{Reader, Writer};
 
 /// An order of points, and for each the points that foretell it.
 pub struct Mesh {
@@ -301,8 +301,8 @@ mod tests {
         let mesh = Mesh::new(10, 9, &strip()).with_places(&places);
         let mut w = Writer::default();
         mesh.put(&mut w, &places);
-        let packed = super::super::bytes::pack(b"12345678", 1, w);
-        let raw = super::super::bytes::unpack(b"12345678", 1, &packed, 1 << 20).expect("whole");
+        let packed = crate::packed::pack(b"12345678", 1, w);
+        let raw = crate::packed::unpack(b"12345678", 1, &packed, 1 << 20).expect("whole");
         assert_eq!(mesh.get(&mut Reader::new(&raw)).expect("values"), places);
         let foretold = (3..8).filter(|&k| mesh.guess(k, &places) == places[mesh.order[k] as usize]);
         // Points 3, 5 and 7 close a quad; 4 and 6 open one.
@@ -320,8 +320,8 @@ mod tests {
         ];
         let mut w = Writer::default();
         mesh.put_some(&mut w, &moves, 1.0 / 64.0);
-        let packed = super::super::bytes::pack(b"12345678", 1, w);
-        let raw = super::super::bytes::unpack(b"12345678", 1, &packed, 1 << 20).expect("whole");
+        let packed = crate::packed::pack(b"12345678", 1, w);
+        let raw = crate::packed::unpack(b"12345678", 1, &packed, 1 << 20).expect("whole");
         let mut known = vec![[0; 3]; 10];
         let read = mesh.get_some(&mut Reader::new(&raw), 1.0 / 64.0, &mut known);
         assert_eq!(read.expect("moves"), moves);

@@ -1,11 +1,14 @@
-//! Whole numbers to bytes and back.
+//! Whole numbers to bytes and back, as the files under `assets` are written.
 
-use crate::BodyError;
 use flate2::{Compression, Crc, read::DeflateDecoder, write::DeflateEncoder};
 use std::io::{Read, Write};
 
+/// What is wrong with bytes that cannot be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Damaged(pub &'static str);
+
 /// Bytes being written.
-#[derive(Default)]
+#[derive(Debug, Default)]
 pub struct Writer {
     out: Vec<u8>,
 }
@@ -48,11 +51,12 @@ impl Writer {
 }
 
 /// Bytes being read.
+#[derive(Debug)]
 pub struct Reader<'a> {
     rest: &'a [u8],
 }
 
-const SHORT: BodyError = BodyError::Corrupt("it ends early");
+const SHORT: Damaged = Damaged("it ends early");
 
 impl<'a> Reader<'a> {
     /// Reads these bytes.
@@ -60,31 +64,31 @@ impl<'a> Reader<'a> {
         Self { rest: bytes }
     }
 
-    fn take(&mut self, n: usize) -> Result<&'a [u8], BodyError> {
+    fn take(&mut self, n: usize) -> Result<&'a [u8], Damaged> {
         let (head, rest) = self.rest.split_at_checked(n).ok_or(SHORT)?;
         self.rest = rest;
         Ok(head)
     }
 
     /// See [`Writer::number`].
-    pub fn number(&mut self) -> Result<u32, BodyError> {
+    pub fn number(&mut self) -> Result<u32, Damaged> {
         let bytes = self.take(4)?.try_into().expect("four bytes were taken");
         Ok(u32::from_le_bytes(bytes))
     }
 
     /// See [`Writer::names`].
-    pub fn names(&mut self) -> Result<Vec<String>, BodyError> {
+    pub fn names(&mut self) -> Result<Vec<String>, Damaged> {
         let n = self.number()? as usize;
-        let text = std::str::from_utf8(self.take(n)?).map_err(|_| BodyError::Corrupt("a name"))?;
+        let text = std::str::from_utf8(self.take(n)?).map_err(|_| Damaged("a name"))?;
         Ok(text.split('\n').map(str::to_string).collect())
     }
 
     /// See [`Writer::ints`].
-    pub fn ints(&mut self) -> Result<Vec<i32>, BodyError> {
+    pub fn ints(&mut self) -> Result<Vec<i32>, Damaged> {
         let (n, planes) = (self.number()? as usize, self.number()? as usize);
         // With no planes there are no bytes to bound the count by.
         if planes > 4 || n > 1 << 22 {
-            return Err(BodyError::Corrupt("a count"));
+            return Err(Damaged("a count"));
         }
         let bytes = self.take(n.saturating_mul(planes))?;
         let mut folded = vec![0u32; n];
@@ -100,7 +104,7 @@ impl<'a> Reader<'a> {
     }
 
     /// See [`Writer::differences`].
-    pub fn differences(&mut self) -> Result<Vec<i32>, BodyError> {
+    pub fn differences(&mut self) -> Result<Vec<i32>, Damaged> {
         let mut ints = self.ints()?;
         let mut at = 0i32;
         for i in &mut ints {
@@ -111,11 +115,11 @@ impl<'a> Reader<'a> {
     }
 
     /// Nothing may be left over.
-    pub fn finish(self) -> Result<(), BodyError> {
+    pub fn finish(self) -> Result<(), Damaged> {
         if self.rest.is_empty() {
             Ok(())
         } else {
-            Err(BodyError::Corrupt("it does not end"))
+            Err(Damaged("it does not end"))
         }
     }
 }
@@ -137,17 +141,17 @@ pub fn unpack(
     version: u32,
     packed: &[u8],
     largest: usize,
-) -> Result<Vec<u8>, BodyError> {
+) -> Result<Vec<u8>, Damaged> {
     let mut r = Reader::new(packed);
     if r.take(8)? != magic {
-        return Err(BodyError::Corrupt("not an avatar"));
+        return Err(Damaged("it is something else"));
     }
     if r.number()? != version {
-        return Err(BodyError::Corrupt("another version"));
+        return Err(Damaged("another version"));
     }
     let n = r.number()? as usize;
     if n > largest {
-        return Err(BodyError::Corrupt("too large"));
+        return Err(Damaged("too large"));
     }
     let wanted = r.number()?;
     let mut raw = Vec::with_capacity(n);
@@ -155,11 +159,11 @@ pub fn unpack(
     let mut deflate = DeflateDecoder::new(r.rest).take(n as u64 + 1);
     deflate
         .read_to_end(&mut raw)
-        .map_err(|_| BodyError::Corrupt("it does not unpack"))?;
+        .map_err(|_| Damaged("it does not unpack"))?;
     if raw.len() == n && checksum(&raw) == wanted {
         Ok(raw)
     } else {
-        Err(BodyError::Corrupt("the checksum fails"))
+        Err(Damaged("the checksum fails"))
     }
 }
 
