@@ -85,6 +85,7 @@ impl Garment {
             pins,
             rims,
             snug: vec![1.0; cloth.faces.len()],
+            standing: vec![],
             offset,
             net,
             brought: Some(Box::new(Brought {

@@ -37,6 +37,8 @@ pub struct Garment {
     pub(crate) snug: Vec<f64>,
     /// How far each vertex lies off what it is bound to on the default body [m].
     pub(crate) offset: Vec<DVec3>,
+    /// Where it lies around the default figure [m]; nowhere, if it was brought.
+    pub(crate) standing: Vec<DVec3>,
     pub(crate) net: Net,
     pub(crate) brought: Option<Box<Brought>>,
 }
@@ -100,13 +102,16 @@ impl Garment {
                 .zip(&sheet.rows)
                 .map(|(x, r)| round_lengths(*x - blend(r, &base.verts)))
                 .collect(),
+            standing: vec![],
             net,
             brought: None,
         };
         let x = garment.settled(recipe, &stand, (&[], None));
+        let x: Vec<DVec3> = x.into_iter().map(round_lengths).collect();
         garment.snug = snug(&garment.rims, &garment.faces, &x);
         garment.snug.iter_mut().for_each(|s| *s = round(*s));
         garment.draw_pattern(&recipe.plan(&stand, None), (&stand, &x), &sheet.rows);
+        garment.standing = x;
         Ok(garment)
     }
 
@@ -132,15 +137,27 @@ impl Garment {
     ) -> Result<Worn, GarmentError> {
         let base = avatar.standard()?;
         let map = BodyMap::new(avatar, &base)?;
-        Ok(self.put_on(&Stand::new(&map, figure), under, None))
+        let stand = Stand::new(&map, figure);
+        let alone = self.alone(&stand, None);
+        Ok(self.put_on(&stand, under, (alone, None)))
     }
 
-    /// As [`Garment::worn`]; `tuck` is the height [m] of a waistband that it is tucked into.
+    /// Where it lies with nothing under it [m]; nowhere yet, if it was brought. `tuck` is the height [m] of a
+    /// waistband that it is tucked into.
+    pub(crate) fn alone(&self, stand: &Stand, tuck: Option<f64>) -> Vec<DVec3> {
+        match &self.recipe {
+            Some(_) if tuck.is_none() && stand.is_standard() => self.standing.clone(),
+            Some(recipe) if self.brought.is_none() => self.settled(recipe, stand, (&[], tuck)),
+            _ => Vec::new(),
+        }
+    }
+
+    /// As [`Garment::worn`], of a garment that lies so `alone`.
     pub(crate) fn put_on(
         &self,
         stand: &Stand,
         under: &[(&Garment, &Worn)],
-        tuck: Option<f64>,
+        (alone, tuck): (Vec<DVec3>, Option<f64>),
     ) -> Worn {
         let inner: Vec<(Surface, Vec<bool>)> = (under.iter())
             .map(|(g, w)| (Surface::new(&w.verts, &g.faces), g.net.on_rim()))
@@ -151,7 +168,6 @@ impl Garment {
             }
             (None, recipe) => recipe.as_ref().expect("a garment is cut or brought"),
         };
-        let alone = self.settled(recipe, stand, (&[], tuck));
         let rest = self.rest(&alone);
         let verts = if inner.is_empty() {
             alone
@@ -204,7 +220,7 @@ impl Garment {
             x.push(blend(row, stand.verts) + *o * scale);
             left.push(
                 row.iter()
-                    .map(|&(i, w)| stand.map.left[i as usize] * w)
+                    .map(|&(i, w)| stand.map.base[i as usize].x * w)
                     .sum::<f64>()
                     + o.x,
             );

@@ -2,7 +2,9 @@
 
 use crate::stand::{BodyMap, Stand};
 use crate::{Garment, GarmentError, Opening, Worn};
+use glam::DVec3;
 use muslin_body::{Avatar, Figure};
+use rayon::prelude::*;
 
 /// What somebody wears, from the skin outward.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,12 +21,17 @@ impl Outfit {
         let base = avatar.standard()?;
         let map = BodyMap::new(avatar, &base)?;
         let stand = Stand::new(&map, figure);
-        let mut done: Vec<Worn> = Vec::with_capacity(self.garments.len());
-        for (k, garment) in self.garments.iter().enumerate() {
-            let under: Vec<(&Garment, &Worn)> = self.garments[..k].iter().zip(&done).collect();
-            let waist = |g: &Garment| g.height_of(Opening::Waist, &stand);
+        let waist = |g: &Garment| g.height_of(Opening::Waist, &stand);
+        let all = self.garments.par_iter().enumerate();
+        let alone = all.map(|(k, garment)| {
             let tuck = self.garments[k + 1..].iter().find_map(waist);
-            let worn = garment.put_on(&stand, &under, tuck);
+            (garment.alone(&stand, tuck), tuck)
+        });
+        let alone: Vec<(Vec<DVec3>, Option<f64>)> = alone.collect();
+        let mut done: Vec<Worn> = Vec::with_capacity(self.garments.len());
+        for (garment, alone) in self.garments.iter().zip(alone) {
+            let under: Vec<(&Garment, &Worn)> = self.garments.iter().zip(&done).collect();
+            let worn = garment.put_on(&stand, &under, alone);
             done.push(worn);
         }
         Ok(done)

@@ -16,8 +16,8 @@ pub(crate) struct BodyMap {
     pub skirt: Vec<[u32; 3]>,
     pub collision: Vec<[u32; 3]>,
     edges: Vec<[u32; 2]>,
-    /// How far left every vertex is on the default body [m].
-    pub left: Vec<f64>,
+    /// Where every vertex is on the default body [m].
+    pub base: Vec<DVec3>,
     /// Share of each arm's bones in every vertex.
     pub arm: [Vec<f64>; 2],
     /// Bones: shoulder, elbow, wrist, hip, knee, ankle of each side.
@@ -92,7 +92,7 @@ impl BodyMap {
         let y = |i: u32| base.verts[i as usize].y;
         let trunk = (y(armpit[0]) + y(armpit[1])) / 2.0 - y(crotch);
         Ok(BodyMap {
-            left: base.verts.iter().map(|p| p.x).collect(),
+            base: base.verts.clone(),
             edges: edges(&tights),
             collision: avatar.collision_faces().to_vec(),
             tights,
@@ -165,6 +165,11 @@ impl<'a> Stand<'a> {
             map,
             verts,
         }
+    }
+
+    /// Whether this is the default body.
+    pub fn is_standard(&self) -> bool {
+        self.verts == self.map.base
     }
 
     /// The height from crotch to armpit [m]: the scale of the trunk.

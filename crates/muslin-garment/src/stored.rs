@@ -134,6 +134,9 @@ impl Garment {
             w.differences(self.offset.iter().map(|o| steps(o[k])));
         }
         w.differences(self.snug.iter().map(|s| steps(*s)));
+        for k in 0..3 {
+            w.differences(self.standing.iter().map(|x| steps(x[k])));
+        }
         Ok(Some(packed::pack(MAGIC, VERSION, w)))
     }
 
@@ -158,11 +161,12 @@ impl Garment {
         let (sizes, hung_on, shares) = (r.ints()?, r.differences()?, r.ints()?);
         let offset = [r.differences()?, r.differences()?, r.differences()?];
         let snug = r.differences()?;
+        let standing = [r.differences()?, r.differences()?, r.differences()?];
         r.finish()?;
         let (n, n_verts) = (a.len(), sizes.len());
         let whole = [b.len(), c.len(), panel.len(), snug.len()] == [n; 4]
             && off.iter().all(|o| o.len() == 3 * n)
-            && offset.iter().all(|o| o.len() == n_verts)
+            && offset.iter().chain(&standing).all(|o| o.len() == n_verts)
             && hung_on.len() == shares.len();
         if !whole {
             return Err(Damaged("its parts differ in length").into());
@@ -207,14 +211,11 @@ impl Garment {
         if next != shares.len() || !binding.is_convex(base.verts.len()) {
             return Err(Damaged("shares that do not sum to one").into());
         }
-        let place = |i: usize| {
-            DVec3::new(
-                length(offset[0][i]),
-                length(offset[1][i]),
-                length(offset[2][i]),
-            )
+        let points = |of: &[Vec<i32>; 3]| -> Vec<DVec3> {
+            let point = |i: usize| DVec3::new(length(of[0][i]), length(of[1][i]), length(of[2][i]));
+            (0..n_verts).map(point).collect()
         };
-        let offset: Vec<DVec3> = (0..n_verts).map(place).collect();
+        let offset = points(&offset);
         let on_body = binding.rows().zip(&offset);
         let x: Vec<DVec3> = on_body.map(|(r, o)| blend(r, &base.verts) + *o).collect();
         let net = Net::new(faces, n_verts);
@@ -230,6 +231,7 @@ impl Garment {
             rims,
             snug: snug.into_iter().map(length).collect(),
             offset,
+            standing: points(&standing),
             net,
             brought: None,
         }))

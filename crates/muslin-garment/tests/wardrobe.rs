@@ -449,6 +449,22 @@ fn a_garment_comes_out_of_its_bytes_as_it_was_cut() {
 }
 
 #[test]
+fn on_the_default_body_a_garment_lies_where_it_is_known_to_lie() {
+    let known = avatar().standard().expect("the embedded avatar");
+    let mut almost = known.clone();
+    almost.verts[0].x += 1e-12;
+    for garment in [tee(), trousers()] {
+        let [a, b] = [&known, &almost].map(|f| {
+            let worn = garment.worn(avatar(), f, &[]);
+            worn.expect("an embedded avatar").verts
+        });
+        let far = a.iter().zip(&b).map(|(a, b)| a.distance(*b));
+        let far = far.fold(0.0, f64::max);
+        assert!(far > 0.0 && far < 1e-6, "{}: {far}", garment.name);
+    }
+}
+
+#[test]
 fn any_number_of_threads_gives_the_same_garment() {
     let recipe = Recipe::Tee(Tee {
         edge: 0.025,

@@ -97,46 +97,78 @@ pub struct Bvh {
 }
 
 const LEAF: usize = 4;
+/// Primitives from which on both halves are split side by side.
+const SHARED: usize = 2048;
 /// Pieces a pair query is split into before it is shared among threads.
 const TASKS: usize = 96;
+
+/// How many nodes a tree over so many primitives has.
+fn n_nodes(primitives: usize) -> usize {
+    match primitives {
+        0..=LEAF => 1,
+        n => 1 + n_nodes(n / 2) + n_nodes(n - n / 2),
+    }
+}
+
+/// Splits the primitives in `order`, which start at `from` among all, into `nodes`, which start at `at`.
+fn split(boxes: &[Aabb], (order, from): (&mut [u32], usize), (nodes, at): (&mut [Node], usize)) {
+    let (node, below) = nodes.split_first_mut().expect("a node for every split");
+    if order.len() <= LEAF {
+        (node.first, node.count) = (from as u32, order.len() as u32);
+        return;
+    }
+    let centre = |i: u32| boxes[i as usize].centre();
+    let size = order.iter().fold(Aabb::EMPTY, |b, &i| Aabb {
+        min: b.min.min(centre(i)),
+        max: b.max.max(centre(i)),
+    });
+    let axis = (size.max - size.min).max_position();
+    let half = order.len() / 2;
+    order.select_nth_unstable_by(half, |&a, &b| {
+        let key = |i: u32| centre(i)[axis];
+        key(a).total_cmp(&key(b)).then(a.cmp(&b))
+    });
+    let shared = order.len() > SHARED;
+    let (left, right) = order.split_at_mut(half);
+    let (left_nodes, right_nodes) = below.split_at_mut(n_nodes(half));
+    let right_at = at + 1 + left_nodes.len();
+    node.first = right_at as u32;
+    let left = (left, from);
+    let right = (right, from + half);
+    if shared {
+        rayon::join(
+            || split(boxes, left, (left_nodes, at + 1)),
+            || split(boxes, right, (right_nodes, right_at)),
+        );
+    } else {
+        split(boxes, left, (left_nodes, at + 1));
+        split(boxes, right, (right_nodes, right_at));
+    }
+}
 
 impl Bvh {
     /// A tree over `boxes`, split at the median of the longest axis.
     pub fn over(boxes: &[Aabb]) -> Bvh {
+        let nodes = if boxes.is_empty() {
+            0
+        } else {
+            n_nodes(boxes.len())
+        };
+        let leaf = Node {
+            bounds: Aabb::EMPTY,
+            first: 0,
+            count: 0,
+        };
         let mut bvh = Bvh {
             order: (0..boxes.len() as u32).collect(),
-            ..Bvh::default()
+            nodes: vec![leaf; nodes],
+            boxes: Vec::new(),
         };
         if !boxes.is_empty() {
-            bvh.split(boxes, 0, boxes.len());
+            split(boxes, (&mut bvh.order, 0), (&mut bvh.nodes, 0));
         }
         bvh.refit(boxes);
         bvh
-    }
-
-    fn split(&mut self, boxes: &[Aabb], from: usize, to: usize) {
-        let node = self.nodes.len();
-        self.nodes.push(Node {
-            bounds: Aabb::EMPTY,
-            first: from as u32,
-            count: 0,
-        });
-        if to - from <= LEAF {
-            self.nodes[node].count = (to - from) as u32;
-            return;
-        }
-        let part = &mut self.order[from..to];
-        let centres: Vec<DVec3> = part.iter().map(|&i| boxes[i as usize].centre()).collect();
-        let size = { Aabb::of(&centres) };
-        let axis = (size.max - size.min).max_position();
-        let half = part.len() / 2;
-        part.select_nth_unstable_by(half, |&a, &b| {
-            let key = |i: u32| boxes[i as usize].centre()[axis];
-            key(a).total_cmp(&key(b)).then(a.cmp(&b))
-        });
-        self.split(boxes, from, from + half);
-        self.nodes[node].first = self.nodes.len() as u32;
-        self.split(boxes, from + half, to);
     }
 
     /// Moves the tree to new boxes of the same primitives.
@@ -386,6 +418,30 @@ mod tests {
         let mut got = ta.self_pairs(0.02);
         got.sort_unstable();
         assert_eq!(got, want);
+    }
+
+    #[test]
+    fn a_tree_split_side_by_side_holds_everything_once_in_any_number_of_threads() {
+        let boxes = soup(10_007, 7);
+        let tree = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let pool = pool.expect("threads can be started");
+            pool.install(|| Bvh::over(&boxes))
+        };
+        let (one, three) = (tree(1), tree(3));
+        assert_eq!(one.order, three.order);
+        let mut all = Vec::new();
+        three.each(|_| true, &mut |i| all.push(i));
+        assert_eq!(all, one.order);
+        all.sort_unstable();
+        assert_eq!(all, (0..10_007).collect::<Vec<u32>>());
+        let query = Aabb::of(&[DVec3::splat(0.4), DVec3::splat(0.5)]);
+        let mut got = Vec::new();
+        three.near(&query, |i| got.push(i));
+        got.sort_unstable();
+        let hit = |i: &u32| boxes[*i as usize].overlaps(&query);
+        assert_eq!(got, (0..10_007).filter(hit).collect::<Vec<u32>>());
+        assert!(!got.is_empty());
     }
 
     #[test]

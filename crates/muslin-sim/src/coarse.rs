@@ -44,8 +44,9 @@ impl Handles {
         let n = near.start.len() - 1;
         let width = spacing as f32 * 1.5;
         let mut entries = Vec::new();
+        let mut seen = Seen::new(n);
         for (c, &centre) in centres.iter().enumerate() {
-            around(near, centre, 3 * spacing / 2, |v, far| {
+            around(near, (centre, 3 * spacing / 2), &mut seen, |v, far| {
                 entries.push((v, c as u32, 1.0 - far as f32 / width));
             });
         }
@@ -115,10 +116,11 @@ fn centres(near: &Rows, spacing: u32) -> Vec<u32> {
     let n = near.start.len() - 1;
     let mut covered = vec![false; n];
     let mut centres = Vec::new();
+    let mut seen = Seen::new(n);
     for v in 0..n {
         if !covered[v] {
             centres.push(v as u32);
-            around(near, v as u32, spacing + 1, |v, _| {
+            around(near, (v as u32, spacing + 1), &mut seen, |v, _| {
                 covered[v as usize] = true
             });
         }
@@ -126,9 +128,35 @@ fn centres(near: &Rows, spacing: u32) -> Vec<u32> {
     centres
 }
 
+/// Who was seen in the latest of many walks.
+struct Seen {
+    walk: u32,
+    last: Vec<u32>,
+}
+
+impl Seen {
+    fn new(n: usize) -> Seen {
+        Seen {
+            walk: 0,
+            last: vec![0; n],
+        }
+    }
+
+    /// Whether this is the first time in this walk.
+    fn insert(&mut self, v: u32) -> bool {
+        std::mem::replace(&mut self.last[v as usize], self.walk) != self.walk
+    }
+}
+
 /// Visits everything fewer than `limit` edges from a vertex, with that number.
-fn around(near: &Rows, from: u32, limit: u32, mut visit: impl FnMut(u32, u32)) {
-    let mut seen = std::collections::HashSet::from([from]);
+fn around(
+    near: &Rows,
+    (from, limit): (u32, u32),
+    seen: &mut Seen,
+    mut visit: impl FnMut(u32, u32),
+) {
+    seen.walk += 1;
+    seen.insert(from);
     let mut ring = vec![from];
     for far in 0..limit {
         ring.iter().for_each(|&v| visit(v, far));

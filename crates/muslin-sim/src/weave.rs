@@ -48,17 +48,22 @@ pub(crate) struct Owned {
 impl Weave {
     pub fn new(cloth: &Cloth) -> Result<Weave, SimError> {
         cloth.check()?;
-        let pattern = Pattern::new(cloth.n_verts(), &cloth.faces);
-        let (edges, owned) = own(cloth.n_verts(), &cloth.faces);
+        let n = cloth.n_verts();
+        let (pattern, (edges, owned)) =
+            rayon::join(|| Pattern::new(n, &cloth.faces), || own(n, &cloth.faces));
+        let (bending, (regions, patches)) = rayon::join(
+            || Bending::new(cloth, &pattern),
+            || (Regions::new(&pattern.near, &cloth.faces), patches(cloth)),
+        );
         Ok(Weave {
             faces: cloth.faces.clone(),
-            patches: patches(cloth)?,
+            patches: patches?,
             mass: masses(cloth),
             layers: cloth.layers.clone(),
             friction: friction(cloth),
-            bending: Bending::new(cloth, &pattern),
+            bending,
             radius: radius(cloth),
-            regions: Regions::new(&pattern.near, &cloth.faces),
+            regions,
             pattern,
             edges,
             owned,

@@ -11,7 +11,7 @@ use crate::begin::begin;
 use crate::failure::{Exit, Failure};
 use crate::figure::Sitter;
 use crate::outfit::Outfit;
-use crate::wardrobe::Known;
+use crate::wardrobe::{Known, taught};
 use crate::watch::Watch;
 
 /// An outfit at rest on a body.
@@ -128,9 +128,10 @@ pub(crate) fn lay_outfit(
     outfit: &Outfit,
     watch: &Watch<'_>,
 ) -> Result<Dressed, Failure> {
-    let worn = put_on(avatar, outfit, &sitter.figure)?;
-    let known = Known::new((avatar, &sitter.figure), (outfit, &worn));
-    let laid = known.and_then(|mut known| {
+    let (worn, models) = rayon::join(|| put_on(avatar, outfit, &sitter.figure), || taught(outfit));
+    let worn = worn?;
+    let known = models.and_then(|m| Known::new((avatar, &sitter.figure), (outfit, &worn), m));
+    let laid = known.and_then(|known| {
         begin(&cloth(outfit, &worn).faces, |share| {
             let pose = sitter.on_the_way(avatar, share);
             let posed = avatar.pose(&sitter.figure, &pose);

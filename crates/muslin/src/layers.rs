@@ -3,6 +3,7 @@
 use glam::DVec3;
 use muslin_garment::Garment;
 use muslin_geom::{Mesh, Surface, intersecting_pairs, neighbours};
+use rayon::prelude::*;
 
 /// Room between two layers of cloth [m].
 const ROOM: f64 = 0.004;
@@ -123,7 +124,7 @@ fn over(x: &mut [DVec3], faces: &[[u32; 3]], under: &[Under]) {
     };
     for layer in under {
         for _ in 0..ROUNDS {
-            let all = outer.verts.iter();
+            let all = outer.verts.par_iter();
             let pushes: Vec<Option<DVec3>> = all.map(|p| layer.push(*p)).collect();
             let most = pushes.iter().flatten().map(|d| d.length());
             if most.fold(0.0, f64::max) < DONE {

@@ -4,6 +4,7 @@ use glam::DVec3;
 use muslin_body::{Avatar, Figure, Pose, Sparse, names};
 use muslin_garment::Worn;
 use muslin_model::{Model, Player};
+use rayon::prelude::*;
 
 use crate::animate::decode_model;
 use crate::failure::{Exit, Failure};
@@ -64,13 +65,12 @@ pub(crate) struct Known<'a> {
 }
 
 impl<'a> Known<'a> {
-    /// Nothing if one of the garments was not taught, or not in this cut.
+    /// An outfit that is `worn` so, of garments with these models.
     pub fn new(
         (avatar, figure): (&'a Avatar, &'a Figure),
         (outfit, worn): (&'a Outfit, &[Worn]),
+        models: Vec<Model>,
     ) -> Option<Self> {
-        let models = outfit.pieces.iter().map(taught);
-        let models: Vec<Model> = models.collect::<Option<_>>()?;
         let measures = avatar.measure(figure);
         let all = outfit.pieces.iter().zip(worn).zip(models);
         let one = |((piece, worn), model): ((&'a Piece, &Worn), Model)| {
@@ -96,10 +96,10 @@ impl<'a> Known<'a> {
     }
 
     /// Where it lies [m]; nothing if that is nowhere.
-    pub fn laid(&mut self, pose: &Pose) -> Option<Vec<DVec3>> {
+    pub fn laid(&self, pose: &Pose) -> Option<Vec<DVec3>> {
         let mut garments = Vec::with_capacity(self.pieces.len());
         let bones = self.avatar.bones(self.figure, pose);
-        for (piece, player, taught_over) in &mut self.pieces {
+        for (piece, player, taught_over) in &mut self.pieces.clone() {
             let mut verts = vec![[0.0; 3]; player.n_verts()];
             player.begin(STEP);
             player.frame(pose, &bones, &mut verts);
@@ -118,8 +118,13 @@ impl<'a> Known<'a> {
     }
 }
 
+/// The models of an outfit; nothing if one of its garments was not taught, or not in this cut.
+pub(crate) fn taught(outfit: &Outfit) -> Option<Vec<Model>> {
+    outfit.pieces.par_iter().map(model_of).collect()
+}
+
 /// The model of a garment of the outfit, if it is of just these triangles.
-fn taught(piece: &Piece) -> Option<Model> {
+fn model_of(piece: &Piece) -> Option<Model> {
     let garment = &piece.garment;
     let known = piece.sha256.is_none().then_some(&garment.name)?;
     let (name, bytes) = TAUGHT.iter().find(|t| t.0 == known)?;
@@ -188,12 +193,9 @@ mod tests {
         let avatar = Avatar::embedded().expect("the embedded body decodes");
         for (name, _) in TAUGHT {
             let made = outfit(&avatar, name, DressOptions::default().edge);
-            assert!(taught(&made.pieces[0]).is_some(), "{name}");
+            assert!(taught(&made).is_some(), "{name}");
             let other = outfit(&avatar, name, 0.02);
-            assert!(
-                taught(&other.pieces[0]).is_none(),
-                "{name} of other triangles"
-            );
+            assert!(taught(&other).is_none(), "{name} of other triangles");
         }
     }
 
@@ -208,7 +210,8 @@ mod tests {
             let lie = |worn: &str| {
                 let outfit = outfit(&avatar, worn, DressOptions::default().edge);
                 let worn = put_on(&avatar, &outfit, &sitter.figure).expect("it can be worn");
-                Known::new((&avatar, &sitter.figure), (&outfit, &worn))?.laid(&sitter.pose)
+                let who = (&avatar, &sitter.figure);
+                Known::new(who, (&outfit, &worn), taught(&outfit)?)?.laid(&sitter.pose)
             };
             let shirt = lie("tee").expect("it was taught");
             let skin = muslin_geom::Surface::new(

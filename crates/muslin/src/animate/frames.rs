@@ -235,7 +235,7 @@ fn led_in(
     let players = players((set, models), 0.0)?.into_iter().enumerate();
     let pieces = players.zip(&set.outfit.pieces);
     let pieces = pieces.map(|((k, player), piece)| (piece, player, taught_over(models, k)));
-    let mut known = Known::told((set.avatar, &set.figure), pieces.collect());
+    let known = Known::told((set.avatar, &set.figure), pieces.collect());
     let pose = |share: f64| (share * lead as f64).round() as usize;
     let laid = begin(&set.cloth.faces, |share| {
         let k = pose(share);
