@@ -33,6 +33,14 @@ pub struct StrainLimit {
 }
 
 impl StrainLimit {
+    /// Whether no stretch of a deformation comes near the start, which most cloth does not: told by what the larger
+    /// is at most, `σ₁² ≤ max(|F_u|², |F_v|²) + |F_u · F_v|`.
+    #[inline]
+    fn is_far_from(&self, f: &[DVec3; 2]) -> bool {
+        let most = f[0].length_squared().max(f[1].length_squared()) + f[0].dot(f[1]).abs();
+        most < (1.0 + self.start) * (1.0 + self.start) * (1.0 - 1e-9)
+    }
+
     /// `φ`, `φ′`, `φ″` at a stretch `σ` (1 = unstretched).
     #[inline]
     pub fn at(&self, stretch: f64) -> [f64; 3] {
@@ -66,6 +74,9 @@ fn log_wall(t: f64) -> [f64; 3] {
 /// `Σ φ(σᵢ)` [J/m²] over the principal stretches.
 #[inline]
 pub fn principal_density(f: &[DVec3; 2], limit: &StrainLimit) -> f64 {
+    if limit.is_far_from(f) {
+        return 0.0;
+    }
     let [a, b] = triangle::principal(f);
     limit.at(a)[0] + limit.at(b)[0]
 }
@@ -78,6 +89,9 @@ pub fn principal_density(f: &[DVec3; 2], limit: &StrainLimit) -> f64 {
 /// direction: any across the first is as good, as its eigenvalues then agree.
 #[inline]
 pub fn principal(f: &[DVec3; 2], limit: &StrainLimit) -> InPlane {
+    if limit.is_far_from(f) {
+        return InPlane::ZERO;
+    }
     let sigma = triangle::principal(f);
     if sigma[0] <= 1.0 + limit.start {
         return InPlane::ZERO;

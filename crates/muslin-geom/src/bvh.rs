@@ -234,23 +234,26 @@ impl Bvh {
         mut distance: impl FnMut(u32) -> f64,
     ) -> Option<(u32, f64)> {
         let mut best = (u32::MAX, bound);
-        let mut stack = [(0usize, 0.0f64); 64];
-        let mut depth = usize::from(!self.nodes.is_empty());
-        while depth > 0 {
-            depth -= 1;
-            let (i, near) = stack[depth];
-            if near >= best.1 {
-                continue;
-            }
-            let node = &self.nodes[i];
+        // Halves differ by one at most, so that no tree is deeper than its count has bits.
+        let mut stack = [(0usize, 0.0f64); 34];
+        let (mut depth, mut i) = (0, 0);
+        while let Some(node) = self.nodes.get(i) {
             if node.count == 0 {
-                let kids = [i + 1, node.first as usize];
-                let d = kids.map(|k| self.nodes[k].bounds.distance_squared(p));
-                let far = usize::from(d[1] >= d[0]);
-                stack[depth] = (kids[far], d[far]);
-                stack[depth + 1] = (kids[1 - far], d[1 - far]);
-                depth += 2;
-                continue;
+                let (a, b) = (i + 1, node.first as usize);
+                let to_a = self.nodes[a].bounds.distance_squared(p);
+                let to_b = self.nodes[b].bounds.distance_squared(p);
+                let (near, far) = match to_b >= to_a {
+                    true => ((a, to_a), (b, to_b)),
+                    false => ((b, to_b), (a, to_a)),
+                };
+                if far.1 < best.1 {
+                    stack[depth] = far;
+                    depth += 1;
+                }
+                if near.1 < best.1 {
+                    i = near.0;
+                    continue;
+                }
             }
             for k in node.first as usize..(node.first + node.count) as usize {
                 if self.boxes[k].distance_squared(p) < best.1 {
@@ -260,6 +263,17 @@ impl Bvh {
                     }
                 }
             }
+            let next = loop {
+                if depth == 0 {
+                    break usize::MAX;
+                }
+                depth -= 1;
+                let (waiting, at) = stack[depth];
+                if at < best.1 {
+                    break waiting;
+                }
+            };
+            i = next;
         }
         (best.0 != u32::MAX).then_some(best)
     }

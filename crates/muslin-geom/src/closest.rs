@@ -179,7 +179,9 @@ impl Surface {
 
     /// Corners of a face [m].
     pub fn corners(&self, face: u32) -> [DVec3; 3] {
-        self.faces[face as usize].map(|i| self.verts[i as usize])
+        let [a, b, c] = self.faces[face as usize];
+        let at = |i: u32| self.verts[i as usize];
+        [at(a), at(b), at(c)]
     }
 
     /// The nearest surface point closer than `within` [m].

@@ -11,6 +11,9 @@ use crate::{ordered, weave::Weave};
 /// Heights count as distances with this much to spare, for fans with obtuse corners.
 const SPARE: f64 = 1.25;
 
+/// Faces around a vertex at most: a fan of more is not asked.
+const FACES: usize = 16;
+
 /// Vertices whose faces cannot come within `reach` [m] of each other, but at what they share,
 /// while every vertex goes straight by its entry of `moves` [m]; of those that are `asked` about.
 pub(crate) fn open(
@@ -31,7 +34,15 @@ pub(crate) fn open(
         let stray = stray.map(|j| (moves[j] - moves[i]).length_squared());
         let room = SPARE * (reach + 2.0 * stray.fold(0.0, f64::max).sqrt());
         // The two sides of every face that start here.
-        let sides = || corners.iter().map(|c| others(c).map(|j| x[j] - x[i]));
+        let mut all = [[DVec3::ZERO; 2]; FACES];
+        let Some(all) = all.get_mut(..corners.len()) else {
+            return false;
+        };
+        for (sides, c) in all.iter_mut().zip(corners) {
+            let [b, c] = others(c);
+            *sides = [x[b] - x[i], x[c] - x[i]];
+        }
+        let sides = || all.iter().copied();
         let normals = sides().map(|[b, c]| b.cross(c));
         let mean = normals.sum::<DVec3>().normalize_or_zero();
         // Seen along the mean normal: what lies in its direction does not count.

@@ -84,7 +84,8 @@ impl Weave {
 
     /// Positions of a face's corners [m].
     pub fn corners(&self, x: &[DVec3], face: usize) -> [DVec3; 3] {
-        self.faces[face].map(|i| x[i as usize])
+        let [a, b, c] = self.faces[face];
+        [x[a as usize], x[b as usize], x[c as usize]]
     }
 }
 
