@@ -50,6 +50,13 @@ impl Swept {
         let apart = (self.low + back).cmpgt(other.high) | other.low.cmpgt(self.high + forth);
         !apart.any()
     }
+
+    /// The most that a point of one moves as seen from one of the other [m].
+    #[inline]
+    pub fn drift(&self, other: &Swept) -> f32 {
+        let drift = (self.most - other.least).max(other.most - self.least);
+        drift.max(Vec3A::ZERO).length()
+    }
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use crate::{
     cloth::{Cloth, SimError, finite, same},
     dents::AROUND,
     loosen::{Lie, faults, let_go},
-    quality::Settled,
+    quality::{self, Settled},
     relief::{Frame, relieve_path},
     stage::{CALM_ROUNDS, Pace, Stage},
     weave::Weave,
@@ -84,6 +84,12 @@ impl Default for Options {
 const FIRMER: f64 = 16.0;
 /// Room in folds of the body on top of what cloth needs, at a careful attempt [m].
 const CAREFUL_ROOM: f64 = 6e-3;
+/// Share of the skin's friction that counts at a careful attempt: what is pulled tight has to slide. Cloth that rests with
+/// less friction rests with more.
+const SLIPPERY: f64 = 0.1;
+/// A first attempt in which a face in a hundred stretches this far beyond its limit on the way would take long and
+/// come to nothing.
+const HOPELESS: f64 = 0.3;
 
 /// Whether to go on; asked from any thread.
 pub(crate) type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
@@ -151,16 +157,14 @@ fn drape_inside(
         options,
         go_on,
     };
-    let first = job.attempt(false)?;
-    if first.0 == [false; 3] || !options.again {
-        return Ok(first.1);
-    }
-    let second = job.attempt(true)?;
-    Ok(if second.0 < first.0 {
-        second.1
-    } else {
-        first.1
-    })
+    let first = match job.attempt(Attempt::First)? {
+        Some(good) if good.0 == [false; 3] || !options.again => return Ok(good.1),
+        other => other,
+    };
+    let second = job.attempt(Attempt::Careful)?;
+    let all = [first, second].into_iter().flatten();
+    let best = all.min_by_key(|outcome| outcome.0);
+    Ok(best.expect("a careful attempt is not given up").1)
 }
 
 /// What stays the same however often a drape is tried.
@@ -178,13 +182,23 @@ struct Job<'j> {
     go_on: GoOn<'j>,
 }
 
+/// How a drape is tried.
+#[derive(Clone, Copy, PartialEq)]
+enum Attempt {
+    /// Given up where it comes to nothing and there will be another.
+    First,
+    /// The body gives way by more where it folds; thin parts are watched, and what came through cloth; cloth slides.
+    Careful,
+}
+
 /// How bad cloth lies, and how it lies.
 type Outcome = ([bool; 3], Settled);
 
 impl Job<'_> {
-    /// One drape. `careful`: the body gives way by more where it folds, and thin parts are watched.
-    fn attempt(&self, careful: bool) -> Result<Outcome, SimError> {
+    /// One drape; none if it was given up.
+    fn attempt(&self, attempt: Attempt) -> Result<Option<Outcome>, SimError> {
         let (path, options) = (self.path, self.options);
+        let careful = attempt == Attempt::Careful;
         let extra = if careful { CAREFUL_ROOM } else { 0.0 };
         let room = options.room(self.cloth) + extra;
         let near = (&self.worn_on[..], AROUND);
@@ -193,6 +207,8 @@ impl Job<'_> {
         let mut stage = Stage::new(&self.weave, self.start, skin, self.cloth, *options);
         if careful {
             stage.watch_thin(&path[0].cores);
+            stage.watch_met();
+            stage.grip = SLIPPERY;
         }
         for _ in 0..options.first_steps {
             stage.step(&Pace::calm(options.step, 0.5))?;
@@ -200,6 +216,10 @@ impl Job<'_> {
         for frame in &way[1..] {
             asked(self.go_on)?;
             stage.follow(frame)?;
+            let may_give_up = !careful && options.again;
+            if may_give_up && quality::excess_p99(&self.weave, &stage.x) > HOPELESS {
+                return Ok(None);
+            }
         }
         let converged = stage.settle(self.go_on)?;
         let body = Frame {
@@ -211,7 +231,7 @@ impl Job<'_> {
         let lies = let_go((&mut stage, converged), (self.cloth, &body, &firm), tugs)?;
         let (faults, best) = self.finished(&mut stage, &lies, &body)?;
         let yielded = relief.deepest + best.yielded;
-        Ok((faults, Settled { yielded, ..best }))
+        Ok(Some((faults, Settled { yielded, ..best })))
     }
 
     /// The first way to lie that ends without fault, or the one whose faults are least.

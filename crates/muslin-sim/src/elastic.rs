@@ -25,23 +25,37 @@ pub(crate) fn energy(weave: &Weave, x: &[DVec3]) -> f64 {
     })
 }
 
-/// What a face answers: its stress [N/m], and as columns weft and warp the stiffness [N/m], which
-/// only has to be about right.
+/// What a face answers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Answer {
-    stress: [DVec3; 2],
-    stiffness: [Mat3A; 3],
+    /// Gradient at corners 1 and 2 [N]; that of corner 0 is what is missing to nothing.
+    pulls: [DVec3; 2],
+    /// How each corner is coupled with the next, as blocks of the matrix [N/m], which only have to be about
+    /// right. The other way round it is the transpose, and rows sum to nothing.
+    couplings: [Mat3A; 3],
 }
 
 /// What every face answers at `x` [m].
 pub(crate) fn answers(weave: &Weave, x: &[DVec3]) -> Vec<Answer> {
     ordered::map(weave.faces.len(), |f| {
+        let patch = &weave.patches[f];
         let InPlane {
-            stress, hessian, ..
-        } = response(&weave.patches[f], &weave.corners(x, f));
+            stress: [su, sv],
+            hessian,
+            ..
+        } = response(patch, &weave.corners(x, f));
+        let slopes = [0, 1, 2].map(|a| patch.rest.slope(a));
+        let pull = |[u, v]: [f64; 2]| (su * u + sv * v) * patch.rest.area;
+        let [uu, uv, vv] = hessian.map(|h| narrow(&h));
+        let vu = uv.transpose();
+        let coupling = |a: usize| {
+            let [u, v] = slopes[a].map(|s| (s * patch.rest.area) as f32);
+            let [to_u, to_v] = slopes[(a + 1) % 3].map(|s| s as f32);
+            (uu * u + vu * v) * to_u + (uv * u + vv * v) * to_v
+        };
         Answer {
-            stress,
-            stiffness: hessian.map(|h| narrow(&h)),
+            pulls: [pull(slopes[1]), pull(slopes[2])],
+            couplings: [coupling(0), coupling(1), coupling(2)],
         }
     })
 }
@@ -59,15 +73,17 @@ fn response(patch: &Patch, corners: &[DVec3; 3]) -> InPlane {
 pub(crate) fn gradient(weave: &Weave, answers: &[Answer], i: usize) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for &corner in weave.pattern.corners.row(i) {
-        let (f, a) = (corner as usize / 3, corner as usize % 3);
-        let [u, v] = weave.patches[f].rest.slope(a);
-        let [su, sv] = answers[f].stress;
-        sum += (su * u + sv * v) * weave.patches[f].rest.area;
+        let [one, two] = answers[corner as usize / 3].pulls;
+        sum += match corner % 3 {
+            0 => -(one + two),
+            1 => one,
+            _ => two,
+        };
     }
     sum
 }
 
-/// Adds row `i`'s blocks, whose places start at `first`, to `blocks`.
+/// Adds row `i`'s blocks but the one on the diagonal to `blocks`, whose places start at `first`.
 pub(crate) fn add_row(
     weave: &Weave,
     answers: &[Answer],
@@ -76,15 +92,9 @@ pub(crate) fn add_row(
 ) {
     for &corner in weave.pattern.corners.row(i) {
         let (f, a) = (corner as usize / 3, corner as usize % 3);
-        let rest = &weave.patches[f].rest;
-        let [u, v] = rest.slope(a).map(|s| (s * rest.area) as f32);
-        let [uu, uv, vv] = &answers[f].stiffness;
-        let left = *uu * u + uv.transpose() * v;
-        let right = *uv * u + *vv * v;
-        for b in 0..3 {
-            let [u, v] = rest.slope(b).map(|s| s as f32);
-            let place = weave.pattern.places[f][a][b] as usize - first;
-            blocks[place] += left * u + right * v;
-        }
+        let (next, last) = ((a + 1) % 3, (a + 2) % 3);
+        let place = |b: usize| weave.pattern.places[f][a][b] as usize - first;
+        blocks[place(next)] += answers[f].couplings[a];
+        blocks[place(last)] += answers[f].couplings[last].transpose();
     }
 }

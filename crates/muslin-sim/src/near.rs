@@ -5,7 +5,7 @@
 //! as seen from the other. Only pairs of regions that have come to the end of it are searched
 //! again, a few in a step: the folds that form, the sleeve that meets the side.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3A};
 use muslin_geom::{
     Aabb, Swept,
     closest::{on_segments, on_triangle},
@@ -47,6 +47,8 @@ pub(crate) struct Neighbours {
     places: Vec<Vec<DVec3>>,
     /// Positions where all others were at least so far apart [m].
     beyond: (Vec<DVec3>, f64),
+    /// Positions at which all pairs of regions were last seen to hold everything within so much [m].
+    held: (Vec<DVec3>, f64),
 }
 
 /// Two regions, or one twice, and what is near between them.
@@ -67,11 +69,20 @@ impl Neighbours {
     /// Makes the list hold every pair that is within `distance` [m] at `x`. Vertices that are
     /// `tangled` have passed through each other already.
     pub fn look(&mut self, (weave, tangled): (&Weave, &[bool]), x: &[DVec3], distance: f64) {
-        let stale = self.stale(weave, x, distance);
+        let stale = self.unless_held(weave, x, distance);
         if !self.apart(x, distance) || !stale.is_empty() {
             let still = vec![DVec3::ZERO; x.len()];
             self.renew(weave, (x, &still), (stale, distance));
             self.gather(tangled);
+        }
+        self.held = (x.to_vec(), distance);
+    }
+
+    /// [`Neighbours::stale`], but where it is known already that none is.
+    fn unless_held(&self, weave: &Weave, x: &[DVec3], distance: f64) -> Vec<usize> {
+        match distance <= self.held.1 && self.held.0 == x {
+            true => Vec::new(),
+            false => self.stale(weave, x, distance),
         }
     }
 
@@ -83,7 +94,7 @@ impl Neighbours {
         let mean = moves.iter().sum::<DVec3>() / moves.len() as f64;
         // Between two places that the list covers it covers every place: distances shrink by what
         // pairs go against each other, and that is linear in time.
-        let mut stale = self.stale(weave, x, TOUCHING);
+        let mut stale = self.unless_held(weave, x, TOUCHING);
         for look in 0..LOOKS {
             if look + 1 == LOOKS {
                 moves.fill(mean);
@@ -93,16 +104,21 @@ impl Neighbours {
             let there = sum(x, moves);
             // Whoever may push there is wanted as well, so that it need not be looked for again.
             stale.extend(self.stale(weave, &there, weave.radius));
+            let mut within = weave.radius;
             if !stale.is_empty() || !self.apart(x, TOUCHING) || !self.apart(&there, TOUCHING) {
-                self.renew(weave, (x, moves), (std::mem::take(&mut stale), TOUCHING));
+                if self.renew(weave, (x, moves), (std::mem::take(&mut stale), TOUCHING)) {
+                    within = TOUCHING;
+                }
                 self.gather(tangled);
             }
             if !make_safe(&self.list, x, moves) {
+                self.held = (there, within);
                 return;
             }
             let there = sum(x, moves);
             stale = self.stale(weave, &there, TOUCHING);
             if stale.is_empty() && self.apart(&there, TOUCHING) {
+                self.held = (there, TOUCHING);
                 return;
             }
         }
@@ -132,19 +148,22 @@ impl Neighbours {
     }
 
     /// Looks again at pairs of regions for all that may come near on the way; the answer is for
-    /// where it leads. Where regions may be near that are no pair, finds all pairs first.
+    /// where it leads. Where regions may be near that are no pair, finds all pairs first, and says so: those are
+    /// then looked at for what is within `distance` [m] alone.
     fn renew(
         &mut self,
         weave: &Weave,
         (x, moves): Ways<'_>,
         (mut stale, distance): (Vec<usize>, f64),
-    ) {
+    ) -> bool {
+        self.held.0.clear();
         let there = sum(x, moves);
         let boxes = weave.regions.boxes(|v| there[v]);
         let steps = weave.regions.boxes(|v| moves[v]);
         self.places.push(there);
         let there = &self.places[self.places.len() - 1];
-        if !self.apart(x, distance) || !self.apart(there, distance) {
+        let anew = !self.apart(x, distance) || !self.apart(there, distance);
+        if anew {
             let far = FAR + spread(moves);
             self.beyond = (there.clone(), far);
             self.pair_up(&boxes, far);
@@ -183,6 +202,7 @@ impl Neighbours {
         if self.places.len() > PLACES {
             self.give_up_oldest(weave);
         }
+        anew
     }
 
     /// Every two regions whose `boxes`, at the latest place, are within `far` [m].
@@ -251,6 +271,11 @@ struct Scene<'a> {
     moves: &'a [DVec3],
     reach: f64,
     verts: Vec<Swept>,
+    faces: Vec<Swept>,
+    /// Everything of the regions that are asked about.
+    regions: Vec<Option<Swept>>,
+    /// Positions as seen from the first vertex, in single precision [m].
+    at: Vec<Vec3A>,
     /// Vertices whose faces cannot come near each other.
     open: Vec<bool>,
 }
@@ -263,14 +288,24 @@ impl<'a> Scene<'a> {
         reach: f64,
         regions: impl Iterator<Item = u32>,
     ) -> Scene<'a> {
-        let mut asked = vec![false; x.len()];
-        for r in regions {
-            let verts = weave.regions.verts(r as usize).iter();
-            verts.for_each(|v| asked[*v as usize] = true);
+        let mut asked = (vec![false; x.len()], vec![false; weave.regions.len()]);
+        for r in regions.map(|r| r as usize) {
+            let verts = weave.regions.verts(r).iter();
+            verts.for_each(|v| asked.0[*v as usize] = true);
+            asked.1[r] = true;
         }
+        let verts = ordered::map(x.len(), |i| Swept::point(x[i] - x[0], moves[i], reach));
+        let faces = ordered::map(weave.faces.len(), |f| around(&verts, &weave.faces[f]));
+        let whole = |r: usize| {
+            let faces = weave.regions.faces(r).iter().map(|f| faces[*f as usize]);
+            faces.reduce(Swept::union)
+        };
         Scene {
-            verts: ordered::map(x.len(), |i| Swept::point(x[i] - x[0], moves[i], reach)),
-            open: fan::open(weave, (x, moves), (reach, &asked)),
+            regions: ordered::map(asked.1.len(), |r| asked.1[r].then(|| whole(r)).flatten()),
+            at: ordered::map(x.len(), |i| (x[i] - x[0]).as_vec3a()),
+            open: fan::open(weave, (x, moves), (reach, &asked.0)),
+            verts,
+            faces,
             weave,
             x,
             moves,
@@ -278,39 +313,29 @@ impl<'a> Scene<'a> {
         }
     }
 
-    fn around(&self, verts: &[u32]) -> Swept {
-        let ways = verts.iter().map(|i| self.verts[*i as usize]);
-        ways.reduce(Swept::union).expect("features have vertices")
-    }
-
-    /// The faces of a region, and their ways.
-    fn faces(&self, region: usize) -> Vec<(usize, Swept)> {
-        let faces = self.weave.regions.faces(region).iter();
-        let way = |f: &u32| (*f as usize, self.around(&self.weave.faces[*f as usize]));
-        faces.map(way).collect()
-    }
-
     /// Pairs of features of two regions, or within one, that may come within reach.
     fn search(&self, a: usize, b: usize) -> Vec<Near> {
         let mut out = Vec::new();
-        let mine = self.faces(a);
+        let faces = |region: usize| {
+            let faces = self.weave.regions.faces(region).iter();
+            faces.map(|f| (*f as usize, self.faces[*f as usize]))
+        };
         if a == b {
-            for (k, f) in mine.iter().enumerate() {
-                let rest = mine[k + 1..].iter();
+            let all: Vec<_> = faces(a).collect();
+            for (k, f) in all.iter().enumerate() {
+                let rest = all[k + 1..].iter();
                 rest.filter(|g| f.1.meets(&g.1))
                     .for_each(|g| self.faces_near(f, g, &mut out));
             }
             return out;
         }
-        let all = |faces: &[(usize, Swept)]| faces.iter().map(|f| f.1).reduce(Swept::union);
-        let theirs = self.faces(b);
-        let (Some(here), Some(there)) = (all(&mine), all(&theirs)) else {
+        let (Some(here), Some(there)) = (self.regions[a], self.regions[b]) else {
             return out;
         };
-        let theirs: Vec<_> = theirs.into_iter().filter(|g| g.1.meets(&here)).collect();
-        for f in mine.iter().filter(|f| f.1.meets(&there)) {
+        let theirs: Vec<_> = faces(b).filter(|g| g.1.meets(&here)).collect();
+        for f in faces(a).filter(|f| f.1.meets(&there)) {
             let meeting = theirs.iter().filter(|g| f.1.meets(&g.1));
-            meeting.for_each(|g| self.faces_near(f, g, &mut out));
+            meeting.for_each(|g| self.faces_near(&f, g, &mut out));
         }
         out
     }
@@ -319,8 +344,12 @@ impl<'a> Scene<'a> {
     fn faces_near(&self, f: &(usize, Swept), g: &(usize, Swept), out: &mut Vec<Near>) {
         let (f, g) = if f.0 < g.0 { (f, g) } else { (g, f) };
         let (mine, theirs) = (self.weave.faces[f.0], self.weave.faces[g.0]);
-        let apart = |v: u32| theirs.contains(&v) && self.open[v as usize];
-        if mine.into_iter().any(apart) {
+        let mut shared = mine.into_iter().filter(|v| theirs.contains(v)).peekable();
+        let apart = match shared.peek() {
+            Some(_) => shared.any(|v| self.open[v as usize]),
+            None => self.parted((mine, theirs), self.reach as f32 + f.1.drift(&g.1)),
+        };
+        if apart {
             return;
         }
         self.vertices(f.0, g, out);
@@ -328,7 +357,7 @@ impl<'a> Scene<'a> {
         let mut ways = [([0; 2], f.1); 3];
         let mut n = 0;
         for ends in self.edges(g.0) {
-            let way = self.around(&ends);
+            let way = around(&self.verts, &ends);
             if way.meets(&f.1) {
                 ways[n] = (ends, way);
                 n += 1;
@@ -338,7 +367,7 @@ impl<'a> Scene<'a> {
             return;
         }
         for [a, b] in self.edges(f.0) {
-            let way = self.around(&[a, b]);
+            let way = around(&self.verts, &[a, b]);
             for ([c, d], other) in &ways[..n] {
                 let apart = a != *c && a != *d && b != *c && b != *d;
                 if apart && way.meets(other) && self.edges_near([a, b, *c, *d]) {
@@ -349,6 +378,16 @@ impl<'a> Scene<'a> {
                 }
             }
         }
+    }
+
+    /// Whether a slab so thick [m] lies between two triangles, across the way between their middles.
+    fn parted(&self, (f, g): ([u32; 3], [u32; 3]), room: f32) -> bool {
+        let [f, g] = [f, g].map(|t| t.map(|v| self.at[v as usize]));
+        let axis = (g[0] + g[1] + g[2]) - (f[0] + f[1] + f[2]);
+        let [mine, theirs] = [f, g].map(|t| t.map(|p| (p - f[0]).dot(axis)));
+        let gap = theirs[0].min(theirs[1]).min(theirs[2]) - mine[0].max(mine[1]).max(mine[2]);
+        let room = room + ROUNDING;
+        gap > 0.0 && gap * gap > room * room * axis.length_squared()
     }
 
     /// Adds the vertices of face `f` that may come near face `g`.
@@ -394,6 +433,15 @@ impl<'a> Scene<'a> {
         let [a, b, c, d] = v.map(|i| self.x[i as usize]);
         on_segments([a, b], [c, d]).distance <= reach
     }
+}
+
+/// What single precision leaves open a few metres from the first vertex [m].
+const ROUNDING: f32 = 4e-6;
+
+/// All of these vertices, and their ways.
+fn around(ways: &[Swept], verts: &[u32]) -> Swept {
+    let ways = verts.iter().map(|i| ways[*i as usize]);
+    ways.reduce(Swept::union).expect("features have vertices")
 }
 
 #[cfg(test)]

@@ -104,23 +104,27 @@ impl Problem<'_> {
     fn blocks(&self, answers: &[Answer]) -> Vec<Mat3A> {
         let (w, near) = (self.weave, &self.weave.pattern.near);
         let n = w.n_verts();
-        let chunks: Vec<Vec<Mat3A>> = (0..n.div_ceil(ordered::CHUNK))
-            .into_par_iter()
-            .map(|c| {
-                let rows = c * ordered::CHUNK..((c + 1) * ordered::CHUNK).min(n);
-                let first = near.start[rows.start] as usize;
-                let last = near.start[rows.end] as usize;
-                let scalar = |k: &f64| Mat3A::from_diagonal(Vec3::splat(*k as f32));
-                let mut out: Vec<Mat3A> = w.bending.near[first..last].iter().map(scalar).collect();
-                for i in rows {
-                    elastic::add_row(w, answers, (i, first), &mut out);
-                    let k = w.mass[i] / (self.step * self.step);
-                    out[w.pattern.diagonal[i] as usize - first] = scalar(&k);
-                }
-                out
-            })
-            .collect();
-        chunks.concat()
+        let mut blocks = vec![Mat3A::ZERO; near.items.len()];
+        let mut left = &mut blocks[..];
+        let chunks = (0..n.div_ceil(ordered::CHUNK)).map(|c| {
+            let rows = c * ordered::CHUNK..((c + 1) * ordered::CHUNK).min(n);
+            let first = near.start[rows.start] as usize;
+            let places = near.start[rows.end] as usize - first;
+            let out = left.split_off_mut(..places);
+            (rows, first, out.expect("rows end where the next begin"))
+        });
+        let chunks: Vec<_> = chunks.collect();
+        chunks.into_par_iter().for_each(|(rows, first, out)| {
+            let scalar = |k: f64| Mat3A::from_diagonal(Vec3::splat(k as f32));
+            let bent = &w.bending.near[first..first + out.len()];
+            out.iter_mut().zip(bent).for_each(|(o, k)| *o = scalar(*k));
+            for i in rows {
+                elastic::add_row(w, answers, (i, first), out);
+                let k = w.mass[i] / (self.step * self.step);
+                out[w.pattern.diagonal[i] as usize - first] = scalar(k);
+            }
+        });
+        blocks
     }
 
     /// A displacement from `x`, where the energy may be known [J], that lowers it [m]; none if nothing

@@ -35,7 +35,8 @@ impl Regions {
         }
     }
 
-    fn len(&self) -> usize {
+    /// How many there are.
+    pub fn len(&self) -> usize {
         self.verts.start.len() - 1
     }
 

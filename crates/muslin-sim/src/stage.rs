@@ -50,10 +50,15 @@ pub(crate) struct Stage<'a> {
     pressed: Option<Vec<f64>>,
     /// Vertices of faces that passed through cloth.
     tangled: Vec<bool>,
-    /// Faces that something thin of the body pokes through.
+    /// Faces that the body pokes through, or might: their insides touch as well.
     pub poked: Vec<u32>,
     /// Vertices of the skin that might poke through between two vertices of the cloth.
     thin: Vec<u32>,
+    /// Faces that the body ever came through, where that is asked for: cloth pulled tight round an elbow needs
+    /// them all until it rests.
+    met: Option<Vec<u32>>,
+    /// Share of the skin's friction that counts.
+    pub grip: f64,
     pub steps: usize,
 }
 
@@ -86,7 +91,7 @@ const FASTEST_THIN: f64 = 0.003;
 /// Last steps of cloth that came to rest in haste.
 const THOROUGH: usize = 2;
 /// Most pieces that a step of the path is cut into.
-const PIECES: usize = 8;
+const PIECES: usize = 32;
 
 impl<'a> Stage<'a> {
     pub fn new(
@@ -119,6 +124,8 @@ impl<'a> Stage<'a> {
             tangled: vec![false; start.len()],
             poked: Vec::new(),
             thin: Vec::new(),
+            met: None,
+            grip: 1.0,
             steps: 0,
             weave,
             options,
@@ -136,17 +143,29 @@ impl<'a> Stage<'a> {
         self.thin = (0..skin.verts().len() as u32).filter(thin).collect();
     }
 
-    /// Faces near thin parts of the body count as poked through, before they are.
+    /// From now on cloth touches with the insides of its faces, too, wherever the body once came through one.
+    pub fn watch_met(&mut self) {
+        self.met = Some(Vec::new());
+    }
+
+    /// What is watched counts as poked through: near thin parts of the body before it is.
     fn watch(&mut self) {
-        if self.thin.is_empty() {
+        if self.thin.is_empty() && self.met.is_none() {
             return;
         }
         self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
-        let reach = self.options.gap + WATCHED;
         self.poked.clear();
+        let reach = self.options.gap + WATCHED;
         for &i in &self.thin {
             let around = Aabb::of(&[self.body.now.verts()[i as usize]]).grown(reach);
             self.tree.near(&around, |f| self.poked.push(f));
+        }
+        if let Some(mut met) = self.met.take() {
+            met.extend(self.in_body().iter().map(|hit| hit[0]));
+            met.sort_unstable();
+            met.dedup();
+            self.poked.extend(&met);
+            self.met = Some(met);
         }
         self.poked.sort_unstable();
         self.poked.dedup();

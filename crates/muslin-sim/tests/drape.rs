@@ -136,6 +136,75 @@ fn a_tube_stays_clean_while_an_arm_comes_down_beside_it_and_all_walk_away() {
     );
 }
 
+/// Two legs under a hip, one `angle` [rad] forward and the other as far back.
+fn stride(angle: f64) -> (Frame, Vec<[u32; 3]>) {
+    let mut frame = Frame::default();
+    let mut faces = Vec::new();
+    let mut add = |a: DVec3, b: DVec3, radius: f64| {
+        let (verts, more) = capsule(a, b, radius, 24);
+        let base = frame.skin.len() as u32;
+        let core = |p: &DVec3| {
+            a.lerp(
+                b,
+                ((*p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0),
+            )
+        };
+        frame.cores.extend(verts.iter().map(core));
+        frame.skin.extend(verts);
+        faces.extend(more.iter().map(|f| f.map(|i| i + base)));
+    };
+    add(
+        DVec3::new(-0.05, 1.0, 0.0),
+        DVec3::new(0.05, 1.0, 0.0),
+        0.09,
+    );
+    for side in [-1.0, 1.0] {
+        let hip = DVec3::new(0.07 * side, 0.98, 0.0);
+        let swing = DVec3::new(0.0, -angle.cos(), side * angle.sin());
+        add(hip, hip + swing * 0.7, 0.06);
+    }
+    (frame, faces)
+}
+
+#[test]
+fn a_slim_skirt_rides_up_over_legs_in_a_stride() {
+    let mut material = cotton();
+    material.limit = Some(0.04);
+    let (mut cloth, start) = tube((0.15, 0.145), (0.45, 0.6), 0.02, material);
+    let waist = start.iter().map(|p| p.y).fold(0.0, f64::max) - 1e-6;
+    cloth.pins = (0..start.len() as u32)
+        .filter(|&i| start[i as usize].y > waist)
+        .collect();
+    let at = |k: i32| stride(0.025 * f64::from(k)).0;
+    let path: Vec<Frame> = (0..=20).map(at).collect();
+    let body_faces = stride(0.0).1;
+    let run = |again: bool| {
+        let options = Options {
+            again,
+            ..Options::default()
+        };
+        drape(&cloth, &start, (&path, &body_faces), &options).expect("valid scene")
+    };
+    assert!(run(false).body_intersections > 0, "it takes care");
+    let settled = run(true);
+    look(
+        "stride",
+        &[(&settled.body, &body_faces), (&settled.verts, &cloth.faces)],
+    );
+    assert_clean(&settled);
+    assert!(
+        settled.stretch_p99 < 0.05,
+        "stretch {}",
+        settled.stretch_p99
+    );
+    let hem = settled
+        .verts
+        .iter()
+        .map(|p| p.y)
+        .fold(f64::INFINITY, f64::min);
+    assert!(hem > 0.5, "the hem is at {hem}");
+}
+
 #[test]
 fn a_finger_thinner_than_the_weave_does_not_poke_through() {
     let (cloth, start) = tube((0.2, 0.2), (0.85, 0.42), 0.018, cotton());

@@ -327,6 +327,7 @@ impl Stage<'_> {
             };
             touches.iter_mut().for_each(|t| t.grip = grip(t));
         }
+        touches.iter_mut().for_each(|t| t.grip *= self.grip);
         for &f in &self.poked {
             for w in SAMPLES {
                 touches.extend(self.body.face_touch(self.weave, (&self.x, f, w), &skin));
