@@ -81,6 +81,9 @@ pub enum SimError {
     /// The caller asked to stop.
     #[error("stopped")]
     Stopped,
+    /// The body tears the cloth apart on its way: by how much one face in a hundred stretches beyond its limit.
+    #[error("the cloth is too tight: on the body's way a hundredth of it stretches {:.0} % beyond its limit", .0 * 100.0)]
+    TooTight(f64),
     /// Even the shortest steps gave no finite result.
     #[error("the solver found no finite step at step {0}; check densities and stiffnesses")]
     Diverged(usize),

@@ -84,12 +84,12 @@ impl Default for Options {
 const FIRMER: f64 = 16.0;
 /// Room in folds of the body on top of what cloth needs, at a careful attempt [m].
 const CAREFUL_ROOM: f64 = 6e-3;
-/// Share of the skin's friction that counts at a careful attempt: what is pulled tight has to slide. Cloth that rests with
+/// Share of the skin's friction that counts where cloth slides: what is pulled tight has to slide. Cloth that rests with
 /// less friction rests with more.
 const SLIPPERY: f64 = 0.1;
-/// A first attempt in which a face in a hundred stretches this far beyond its limit on the way would take long and
-/// come to nothing.
-const HOPELESS: f64 = 0.3;
+/// An attempt in which a face in a hundred stretches this far beyond its limit on the way would take long and come to
+/// nothing: the first, and later ones.
+const HOPELESS: [f64; 2] = [0.3, 0.6];
 
 /// Whether to go on; asked from any thread.
 pub(crate) type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);
@@ -106,8 +106,9 @@ impl Options {
 ///
 /// `start`: positions [m], outside the body's first frame as far as possible; `path`: the body per
 /// step, first the pose of `start`; `body_faces`: its triangles, outward. Cloth that is caught or
-/// starts inside is brought out where that can be done, and what ends with a fault is tried a second
-/// time with more care, if the options say so; what remains is counted in the result, never hidden.
+/// starts inside is brought out where that can be done, and what ends with a fault is tried again,
+/// twice at most and with more care, if the options say so; what remains is counted in the result, never hidden. Then, too,
+/// cloth that the body would tear apart on the way is [`SimError::TooTight`].
 pub fn drape(
     cloth: &Cloth,
     start: &[DVec3],
@@ -157,14 +158,10 @@ fn drape_inside(
         options,
         go_on,
     };
-    let first = match job.attempt(Attempt::First)? {
-        Some(good) if good.0 == [false; 3] || !options.again => return Ok(good.1),
-        other => other,
-    };
-    let second = job.attempt(Attempt::Careful)?;
-    let all = [first, second].into_iter().flatten();
-    let best = all.min_by_key(|outcome| outcome.0);
-    Ok(best.expect("a careful attempt is not given up").1)
+    match job.best()? {
+        Attempted::Lies(_, settled) => Ok(settled),
+        Attempted::GivenUp(beyond) => Err(SimError::TooTight(beyond)),
+    }
 }
 
 /// What stays the same however often a drape is tried.
@@ -185,20 +182,55 @@ struct Job<'j> {
 /// How a drape is tried.
 #[derive(Clone, Copy, PartialEq)]
 enum Attempt {
-    /// Given up where it comes to nothing and there will be another.
+    /// As most cloth needs it.
     First,
     /// The body gives way by more where it folds; thin parts are watched, and what came through cloth; cloth slides.
-    Careful,
+    Sliding,
+    /// The body gives way by more and thin parts are watched, but cloth keeps its grip: what hands lean on stays.
+    Gripping,
 }
 
 /// How bad cloth lies, and how it lies.
 type Outcome = ([bool; 3], Settled);
 
+/// What came of a drape.
+enum Attempted {
+    /// How bad cloth lies, and how.
+    Lies([bool; 3], Settled),
+    /// By how much one face in a hundred was beyond its limit where it was given up.
+    GivenUp(f64),
+}
+
+impl Attempted {
+    /// What is least is best.
+    fn badness(&self) -> (bool, [bool; 3]) {
+        match self {
+            Self::Lies(faults, _) => (false, *faults),
+            Self::GivenUp(_) => (true, [true; 3]),
+        }
+    }
+}
+
 impl Job<'_> {
-    /// One drape; none if it was given up.
-    fn attempt(&self, attempt: Attempt) -> Result<Option<Outcome>, SimError> {
+    /// The first attempt without fault, or the least bad of all, where there may be more than one.
+    fn best(&self) -> Result<Attempted, SimError> {
+        let mut best = self.attempt(Attempt::First)?;
+        for attempt in [Attempt::Sliding, Attempt::Gripping] {
+            if best.badness() == (false, [false; 3]) || !self.options.again {
+                break;
+            }
+            let other = self.attempt(attempt)?;
+            if other.badness() < best.badness() {
+                best = other;
+            }
+        }
+        Ok(best)
+    }
+
+    /// One drape.
+    fn attempt(&self, attempt: Attempt) -> Result<Attempted, SimError> {
         let (path, options) = (self.path, self.options);
-        let careful = attempt == Attempt::Careful;
+        let careful = attempt != Attempt::First;
         let extra = if careful { CAREFUL_ROOM } else { 0.0 };
         let room = options.room(self.cloth) + extra;
         let near = (&self.worn_on[..], AROUND);
@@ -207,6 +239,8 @@ impl Job<'_> {
         let mut stage = Stage::new(&self.weave, self.start, skin, self.cloth, *options);
         if careful {
             stage.watch_thin(&path[0].cores);
+        }
+        if attempt == Attempt::Sliding {
             stage.watch_met();
             stage.grip = SLIPPERY;
         }
@@ -216,9 +250,9 @@ impl Job<'_> {
         for frame in &way[1..] {
             asked(self.go_on)?;
             stage.follow(frame)?;
-            let may_give_up = !careful && options.again;
-            if may_give_up && quality::excess_p99(&self.weave, &stage.x) > HOPELESS {
-                return Ok(None);
+            let beyond = quality::excess_p99(&self.weave, &stage.x);
+            if options.again && beyond > HOPELESS[usize::from(careful)] {
+                return Ok(Attempted::GivenUp(beyond));
             }
         }
         let converged = stage.settle(self.go_on)?;
@@ -231,7 +265,7 @@ impl Job<'_> {
         let lies = let_go((&mut stage, converged), (self.cloth, &body, &firm), tugs)?;
         let (faults, best) = self.finished(&mut stage, &lies, &body)?;
         let yielded = relief.deepest + best.yielded;
-        Ok(Some((faults, Settled { yielded, ..best })))
+        Ok(Attempted::Lies(faults, Settled { yielded, ..best }))
     }
 
     /// The first way to lie that ends without fault, or the one whose faults are least.

@@ -206,6 +206,25 @@ fn a_slim_skirt_rides_up_over_legs_in_a_stride() {
 }
 
 #[test]
+fn cloth_that_the_body_would_tear_apart_is_called_too_tight() {
+    let mut material = cotton();
+    material.limit = Some(0.04);
+    let (cloth, start) = tube((0.07, 0.07), (0.2, 0.3), 0.02, material);
+    let (a, b) = (DVec3::Y * -0.4, DVec3::Y * 0.4);
+    let (thin, faces) = capsule(a, b, 0.06, 24);
+    let at = |k: i32| {
+        let grown = DVec3::new(1.0 + 0.16 * f64::from(k), 1.0, 1.0 + 0.16 * f64::from(k));
+        Frame::from(thin.iter().map(|p| *p * grown).collect::<Vec<_>>())
+    };
+    let path: Vec<Frame> = (0..=12).map(at).collect();
+    let ended = drape(&cloth, &start, (&path, &faces), &Options::default());
+    assert!(
+        matches!(ended, Err(SimError::TooTight(beyond)) if beyond > 0.3),
+        "{ended:?}"
+    );
+}
+
+#[test]
 fn a_finger_thinner_than_the_weave_does_not_poke_through() {
     let (cloth, start) = tube((0.2, 0.2), (0.85, 0.42), 0.018, cotton());
     let scene = |depth: f64| {

@@ -5,7 +5,9 @@ use muslin_body::{Avatar, Figure, Part};
 use muslin_energy::{hinge::Bend, membrane::Stretch};
 use muslin_garment::{Fabric, Worn};
 use muslin_geom::{Drape, Surface};
-use muslin_sim::{BEYOND_LIMIT, Cloth, Frame, Material, Options, Settled, drape_while, stretch};
+use muslin_sim::{
+    BEYOND_LIMIT, Cloth, Frame, Material, Options, Settled, SimError, drape_while, stretch,
+};
 
 use crate::begin::begin;
 use crate::failure::{Exit, Failure};
@@ -170,7 +172,11 @@ fn settle(
     let settled = drape_while(&cloth, start, body, (&options, &go_on));
     // Where it stopped because it was asked to, that is the answer.
     watch.go_on()?;
-    let settled = settled.map_err(|e| Failure::new(Exit::Numbers, "drape", e.to_string()))?;
+    let settled = settled.map_err(|e| match e {
+        SimError::TooTight(_) => Failure::new(Exit::Quality, "too-tight", e.to_string())
+            .hint("this pose asks for a wider cut (--cut loose) or a larger --size"),
+        _ => Failure::new(Exit::Numbers, "drape", e.to_string()),
+    })?;
     Ok(finish(outfit, &cloth, settled))
 }
 
