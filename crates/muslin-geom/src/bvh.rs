@@ -3,7 +3,7 @@
 //! The tree keeps its shape when the boxes move ([`Bvh::refit`]); every answer comes in an order
 //! that depends on the boxes alone, never on the number of threads.
 
-use glam::{DVec3, Vec3A};
+use glam::DVec3;
 use rayon::prelude::*;
 
 /// An axis-aligned box [m].
@@ -94,52 +94,7 @@ pub struct Bvh {
     nodes: Vec<Node>,
     order: Vec<u32>,
     boxes: Vec<Aabb>,
-    /// The nodes' boxes, and those of the primitives in their `order`, for distances.
-    wide: [Vec<Wide>; 2],
 }
-
-/// A box in single precision, no smaller than what it stands for [m].
-#[derive(Clone, Copy, Debug)]
-struct Wide {
-    low: Vec3A,
-    high: Vec3A,
-}
-
-impl Wide {
-    fn around(b: &Aabb) -> Wide {
-        let room = |p: DVec3| p.abs() * ROUNDING;
-        Wide {
-            low: (b.min - room(b.min)).as_vec3a(),
-            high: (b.max + room(b.max)).as_vec3a(),
-        }
-    }
-
-    /// No more than the squared distance from `p` [m²].
-    #[inline]
-    fn distance_squared(&self, p: &Rounded) -> f64 {
-        let out = (self.low - p.at).max(p.at - self.high) - p.off;
-        f64::from(out.max(Vec3A::ZERO).length_squared() * (1.0 - 4.0 * f32::EPSILON))
-    }
-}
-
-/// A point in single precision, and how far off that may be, the difference to another included [m].
-struct Rounded {
-    at: Vec3A,
-    off: Vec3A,
-}
-
-impl Rounded {
-    fn new(p: DVec3) -> Rounded {
-        let at = p.as_vec3a();
-        Rounded {
-            at,
-            off: at.abs() * (2.0 * ROUNDING as f32) + f32::MIN_POSITIVE,
-        }
-    }
-}
-
-/// Share of a number that single precision may be off by.
-const ROUNDING: f64 = f32::EPSILON as f64;
 
 const LEAF: usize = 4;
 /// Primitives from which on both halves are split side by side.
@@ -207,7 +162,7 @@ impl Bvh {
         let mut bvh = Bvh {
             order: (0..boxes.len() as u32).collect(),
             nodes: vec![leaf; nodes],
-            ..Bvh::default()
+            boxes: Vec::new(),
         };
         if !boxes.is_empty() {
             split(boxes, (&mut bvh.order, 0), (&mut bvh.nodes, 0));
@@ -237,11 +192,6 @@ impl Bvh {
                     .union(self.nodes[first as usize].bounds)
             };
         }
-        let [nodes, boxes] = &mut self.wide;
-        nodes.clear();
-        nodes.extend(self.nodes.iter().map(|n| Wide::around(&n.bounds)));
-        boxes.clear();
-        boxes.extend(self.boxes.iter().map(Wide::around));
     }
 
     /// Calls `visit` with every primitive whose box meets `query`.
@@ -286,13 +236,12 @@ impl Bvh {
         let mut best = (u32::MAX, bound);
         // Halves differ by one at most, so that no tree is deeper than its count has bits.
         let mut stack = [(0usize, 0.0f64); 34];
-        let (at, [nodes, boxes]) = (Rounded::new(p), &self.wide);
         let (mut depth, mut i) = (0, 0);
         while let Some(node) = self.nodes.get(i) {
             if node.count == 0 {
                 let (a, b) = (i + 1, node.first as usize);
-                let to_a = nodes[a].distance_squared(&at);
-                let to_b = nodes[b].distance_squared(&at);
+                let to_a = self.nodes[a].bounds.distance_squared(p);
+                let to_b = self.nodes[b].bounds.distance_squared(p);
                 let (near, far) = match to_b >= to_a {
                     true => ((a, to_a), (b, to_b)),
                     false => ((b, to_b), (a, to_a)),
@@ -307,7 +256,7 @@ impl Bvh {
                 }
             }
             for k in node.first as usize..(node.first + node.count) as usize {
-                if boxes[k].distance_squared(&at) < best.1 {
+                if self.boxes[k].distance_squared(p) < best.1 {
                     let d = distance(self.order[k]);
                     if d < best.1 {
                         best = (self.order[k], d);

@@ -250,9 +250,11 @@ impl Job<'_> {
         for frame in &way[1..] {
             asked(self.go_on)?;
             stage.follow(frame)?;
-            let beyond = quality::excess_p99(&self.weave, &stage.x);
-            if options.again && beyond > HOPELESS[usize::from(careful)] {
-                return Ok(Attempted::GivenUp(beyond));
+            if options.again {
+                let beyond = quality::excess_p99(&self.weave, &stage.x);
+                if beyond > HOPELESS[usize::from(careful)] {
+                    return Ok(Attempted::GivenUp(beyond));
+                }
             }
         }
         let converged = stage.settle(self.go_on)?;

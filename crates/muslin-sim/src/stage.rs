@@ -154,8 +154,8 @@ impl<'a> Stage<'a> {
             return;
         }
         self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
-        self.poked.clear();
         let reach = self.options.gap + WATCHED;
+        self.poked.clear();
         for &i in &self.thin {
             let around = Aabb::of(&[self.body.now.verts()[i as usize]]).grown(reach);
             self.tree.near(&around, |f| self.poked.push(f));
