@@ -13,7 +13,7 @@ use crate::{
     loosen::{Lie, faults, let_go},
     quality::{self, Settled},
     relief::{Frame, relieve_path},
-    stage::{CALM_ROUNDS, Pace, Stage},
+    stage::{CALM_ROUNDS, Pace, Stage, TORN},
     weave::Weave,
 };
 
@@ -89,7 +89,7 @@ const CAREFUL_ROOM: f64 = 6e-3;
 const SLIPPERY: f64 = 0.1;
 /// An attempt in which a face in a hundred stretches this far beyond its limit on the way would take long and come to
 /// nothing: the first, and later ones.
-const HOPELESS: [f64; 2] = [0.3, 0.6];
+const HOPELESS: [f64; 2] = [0.3, TORN];
 
 /// Whether to go on; asked from any thread.
 pub(crate) type GoOn<'a> = &'a (dyn Fn() -> bool + Sync);

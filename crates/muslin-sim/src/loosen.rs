@@ -31,7 +31,8 @@ pub(crate) struct Lie {
     pub converged: bool,
 }
 
-/// Tugs at cloth that is caught, up to `tugs` times; all the ways it lay, the least strained first.
+/// Tugs at cloth that is caught, up to `tugs` times; all the ways it lay, the least strained first. What a tug would
+/// tear is not tugged at again.
 ///
 /// `firm`: the same cloth with firmer walls, which it has from the first tug on. `converged`:
 /// whether it has come to rest so far.
@@ -49,8 +50,13 @@ pub(crate) fn let_go<'a>(
     while lies.len() <= tugs && lies.iter().all(|l| l.beyond > 0.0) {
         stage.weave = firm();
         stage.slip_pins();
-        loosen(stage, body, go_on)?;
+        if !loosen(stage, body, go_on)? {
+            break;
+        }
         let converged = stage.settle(go_on)?;
+        if stage.is_torn() {
+            break;
+        }
         lies.push(lie(stage, converged));
     }
     lies.sort_by(|a, b| a.beyond.total_cmp(&b.beyond));
@@ -83,8 +89,8 @@ fn beyond(cloth: &Cloth, x: &[DVec3]) -> f64 {
     limited.map(beyond).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// Takes the body in and out again, the cloth moving freely all the while.
-fn loosen(stage: &mut Stage<'_>, body: &Frame, go_on: GoOn<'_>) -> Result<(), SimError> {
+/// Takes the body in and out again, the cloth moving freely all the while; no if that tears it.
+fn loosen(stage: &mut Stage<'_>, body: &Frame, go_on: GoOn<'_>) -> Result<bool, SimError> {
     let normals = stage.body.now.vertex_normals();
     let drawn_in = |share: f64| -> Vec<DVec3> {
         let at = |i: usize| {
@@ -99,6 +105,9 @@ fn loosen(stage: &mut Stage<'_>, body: &Frame, go_on: GoOn<'_>) -> Result<(), Si
     for share in way.chain((0..up).rev().map(|k| k as f64 / up as f64)) {
         asked(go_on)?;
         stage.give_way(&drawn_in(share))?;
+        if stage.is_torn() {
+            return Ok(false);
+        }
     }
-    Ok(())
+    Ok(true)
 }

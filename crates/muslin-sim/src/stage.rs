@@ -90,6 +90,8 @@ const TOP_SPEED: f64 = 30.0;
 const FASTEST_THIN: f64 = 0.003;
 /// Last steps of cloth that came to rest in haste.
 const THOROUGH: usize = 2;
+/// Stretch beyond the limit, of one face in a hundred, that cloth does not come back from.
+pub(crate) const TORN: f64 = 0.6;
 /// Most pieces that a step of the path is cut into.
 const PIECES: usize = 32;
 
@@ -402,7 +404,12 @@ impl<'a> Stage<'a> {
         self.find_tangles();
     }
 
-    /// Steps until the cloth rests or the steps run out; says which.
+    /// Whether one face in a hundred is so far beyond its limit that further steps would take long and come to nothing.
+    pub fn is_torn(&self) -> bool {
+        quality::excess_p99(self.weave, &self.x) > TORN
+    }
+
+    /// Steps until the cloth rests, is torn or the steps run out; says whether it rests.
     pub fn settle(&mut self, go_on: GoOn<'_>) -> Result<bool, SimError> {
         let mut calm = 0;
         for k in 0..self.options.last_steps {
@@ -413,6 +420,9 @@ impl<'a> Stage<'a> {
             let late = k as f64 / self.options.last_steps as f64;
             let keep = self.options.keep * (1.0 - 0.5 * late * late);
             self.step(&self.hasty(keep))?;
+            if self.is_torn() {
+                return Ok(false);
+            }
             calm = if self.speed() < self.options.still {
                 calm + 1
             } else {
