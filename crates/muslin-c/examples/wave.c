@@ -1,5 +1,5 @@
-/* A t-shirt on somebody who lifts an arm: one line a frame with its lowest, highest and mean height [m], and at
- * the end the time a frame took, on stderr.
+/* A t-shirt on somebody who lifts an arm: one line a frame with its lowest, highest and mean height [m] and how much
+ * its normals look forwards in the mean, and at the end the time a frame took, on stderr.
  *
  *   wave [MODEL.muslin]      else the wardrobe's t-shirt
  */
@@ -58,9 +58,9 @@ int main(int count, char **words)
     uint32_t bones = muslin_bones(garment), verts = muslin_vertices(garment);
     uint32_t arm = find(garment, "upperarm01.L");
     float *turns = calloc(bones, 4 * sizeof *turns);
-    float *at = calloc(verts, 3 * sizeof *at);
+    float *at = calloc(verts, 3 * sizeof *at), *normals = calloc(verts, 3 * sizeof *normals);
     float root[3] = { 0, 0, 0 };
-    if (!turns || !at || arm == MUSLIN_NONE)
+    if (!turns || !at || !normals || arm == MUSLIN_NONE)
         return 1;
     for (uint32_t b = 0; b < bones; b++)
         turns[4 * b + 3] = 1;
@@ -81,18 +81,19 @@ int main(int count, char **words)
         /* About z, from the side up. */
         turns[4 * arm + 2] = 0.5f * k / FRAMES;
         clock_t since = clock();
-        if (muslin_frame(garment, turns, root, at))
+        if (muslin_frame_with_normals(garment, turns, root, at, normals))
             return 6;
         spent += clock() - since;
         float low = at[1], high = at[1];
-        double sum = 0;
+        double sum = 0, forwards = 0;
         for (uint32_t v = 0; v < verts; v++) {
             float y = at[3 * v + 1];
             low = y < low ? y : low;
             high = y > high ? y : high;
             sum += y;
+            forwards += normals[3 * v + 2] > 0 ? normals[3 * v + 2] : 0;
         }
-        printf("%d %.5f %.5f %.5f\n", k, low, high, sum / verts);
+        printf("%d %.5f %.5f %.5f %.4f\n", k, low, high, sum / verts, forwards / verts);
     }
     fprintf(stderr, "%u vertices, %.3f ms a frame\n", verts, 1e3 * spent / CLOCKS_PER_SEC / FRAMES);
     /* A body that leaps takes its cloth along at once where motion counts for nothing, and leaves it behind else. */
@@ -112,7 +113,8 @@ int main(int count, char **words)
     /* What cannot be is refused, and what was there stays. */
     float was = at[0];
     turns[0] = turns[1] = turns[2] = turns[3] = 0;
-    if (!muslin_frame(garment, turns, root, at) || at[0] != was || !muslin_frame(NULL, turns, root, at))
+    if (!muslin_frame(garment, turns, root, at) || at[0] != was || !muslin_frame(NULL, turns, root, at)
+        || !muslin_frame_with_normals(garment, turns, root, at, NULL))
         return 7;
     muslin_close(garment);
     muslin_close(NULL);
@@ -123,5 +125,6 @@ int main(int count, char **words)
         return 9;
     free(turns);
     free(at);
+    free(normals);
     return 0;
 }

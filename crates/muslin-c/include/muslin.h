@@ -71,6 +71,10 @@ void muslin_motion_level(muslin_garment *garment, float level);
  * finite or a turn is nothing: then `vertices` is left as it was, and the sequence begins anew. */
 int muslin_frame(muslin_garment *garment, const float *turns, const float root[3], float *vertices);
 
+/* The same, and the unit normal of every vertex: `normals` is room for three numbers a vertex. */
+int muslin_frame_with_normals(muslin_garment *garment, const float *turns, const float root[3], float *vertices,
+                              float *normals);
+
 #ifdef __cplusplus
 }
 #endif

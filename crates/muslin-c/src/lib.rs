@@ -278,7 +278,55 @@ pub unsafe extern "C" fn muslin_frame(
     root: *const f32,
     vertices: *mut f32,
 ) -> c_int {
-    if garment.is_null() || turns.is_null() || root.is_null() || vertices.is_null() {
+    if vertices.is_null() {
+        return 1;
+    }
+    let give = |at: &[[f32; 3]], _: Option<&[[f32; 3]]>| {
+        // SAFETY: there is room for three numbers a vertex; a copy, for nobody said that there are numbers yet.
+        unsafe { ptr::copy(at.as_ptr().cast::<f32>(), vertices, 3 * at.len()) };
+    };
+    // SAFETY: as the caller says.
+    unsafe { predict(garment, (turns, root), false, give) }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// As for [`muslin_frame`]; `normals` is to three a vertex as well.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_frame_with_normals(
+    garment: *mut Garment,
+    turns: *const f32,
+    root: *const f32,
+    vertices: *mut f32,
+    normals: *mut f32,
+) -> c_int {
+    if vertices.is_null() || normals.is_null() {
+        return 1;
+    }
+    let give = |at: &[[f32; 3]], turned: Option<&[[f32; 3]]>| {
+        // SAFETY: as in `muslin_frame`, for both.
+        unsafe { ptr::copy(at.as_ptr().cast::<f32>(), vertices, 3 * at.len()) };
+        if let Some(n) = turned {
+            // SAFETY: as above.
+            unsafe { ptr::copy(n.as_ptr().cast::<f32>(), normals, 3 * n.len()) };
+        }
+    };
+    // SAFETY: as the caller says.
+    unsafe { predict(garment, (turns, root), true, give) }
+}
+
+/// A frame, given to whoever has room for it; 0 if there was one.
+///
+/// # Safety
+/// `garment` is NULL or open, `turns` NULL or to four numbers a bone, `root` NULL or to three.
+unsafe fn predict(
+    garment: *mut Garment,
+    (turns, root): (*const f32, *const f32),
+    normals: bool,
+    give: impl FnOnce(&[[f32; 3]], Option<&[[f32; 3]]>),
+) -> c_int {
+    if garment.is_null() || turns.is_null() || root.is_null() {
         return 1;
     }
     // SAFETY: none is NULL, and as the caller says.
@@ -288,12 +336,13 @@ pub unsafe extern "C" fn muslin_frame(
         (g, turns, *root.cast::<[f32; 3]>())
     };
     let frame = AssertUnwindSafe(|| {
-        let Some(at) = g.playing.frame(turns, root) else {
-            return false;
-        };
-        // SAFETY: there is room for three numbers a vertex; a copy, for nobody said that there are numbers yet.
-        unsafe { ptr::copy(at.as_ptr().cast::<f32>(), vertices, 3 * at.len()) };
-        true
+        if normals {
+            let (at, turned) = g.playing.frame_with_normals(turns, root)?;
+            give(at, Some(turned));
+        } else {
+            give(g.playing.frame(turns, root)?, None);
+        }
+        Some(())
     });
-    c_int::from(!catch_unwind(frame).unwrap_or(false))
+    c_int::from(!matches!(catch_unwind(frame), Ok(Some(()))))
 }

@@ -68,12 +68,17 @@ fn a_program_in_c_plays_the_same_frames() {
     let mut heights = Vec::new();
     for (k, line) in told.lines().enumerate() {
         turns[arm][2] = 0.5 * k as f32 / 30.0;
-        let at = playing.frame(&turns, [0.0; 3]).expect("a turn a bone");
+        let (at, normals) = playing
+            .frame_with_normals(&turns, [0.0; 3])
+            .expect("a turn a bone");
+        let forwards = normals.iter().map(|n| f64::from(n[2].max(0.0)));
+        let forwards = forwards.sum::<f64>() / at.len() as f64;
         let ys = at.iter().map(|p| p[1]);
         let low = ys.clone().fold(f32::MAX, f32::min);
         let high = ys.clone().fold(f32::MIN, f32::max);
         let mean = ys.map(f64::from).sum::<f64>() / at.len() as f64;
-        assert_eq!(line, format!("{k} {low:.5} {high:.5} {mean:.5}"));
+        let told = format!("{k} {low:.5} {high:.5} {mean:.5} {forwards:.4}");
+        assert_eq!(line, told);
         heights.push(mean);
     }
     assert_eq!(heights.len(), 30);

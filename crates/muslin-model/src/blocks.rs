@@ -1,16 +1,20 @@
 //! Cloth in blocks of sixteen vertices that follow the same few bones.
 //!
-//! A frame is bound by memory, so learnt shapes are kept as 16-bit steps: of a size of its own for
-//! every code (which is multiplied into the code) and for every block (which is multiplied into the
-//! sum). That is 50 times finer than what a file keeps of them.
+//! Learnt shapes are kept as 16-bit steps: of a size of its own for every code (which is multiplied into the code) and
+//! for every block (which is multiplied into the sum). That is 50 times finer than what a file keeps of them.
 
 use std::cmp::Reverse;
 
+use crate::fans::Fans;
+use crate::steps::{Steps, most};
 use crate::swing::n_swings;
 use crate::{Model, Skin};
 
 /// Vertices in a block.
 pub(crate) const WIDE: usize = 16;
+
+/// Vertices that are sorted by their bones together: a few hundred stay in the fastest memory.
+const REGION: usize = 512;
 
 /// One number of every vertex of a block.
 #[derive(Clone, Copy, Debug, Default)]
@@ -24,12 +28,15 @@ pub(crate) struct Blocks {
     pub n_verts: usize,
     /// Codes that a frame is mixed by: those of the pose without the constant one, then the swings.
     pub n_codes: usize,
-    /// The vertex at each place.
+    /// The vertex at each place, and the place of each vertex.
     pub order: Vec<u32>,
+    pub places: Vec<u32>,
     /// Template and constant shape of each block, by axis [m].
     pub base: Vec<[Wide; 3]>,
-    /// Steps of the shapes: `[block][code][axis]`.
-    pub modes: Vec<[i16; WIDE]>,
+    /// The largest step of a shape.
+    pub most: i16,
+    /// Steps of the shapes: `[block][two codes][axis]`.
+    pub modes: Vec<Steps>,
     /// What a step of each code is worth, before that of the block.
     pub by_code: Vec<f32>,
     /// What a step of each block is worth [m].
@@ -40,6 +47,13 @@ pub(crate) struct Blocks {
     pub bones: Vec<u8>,
     /// How much each vertex follows each of them.
     pub weights: Vec<Wide>,
+    /// Where the bones of the vertex at each place start in `followed`, and the end of the last.
+    pub follows: Vec<u32>,
+    /// Bones of single vertices, and how much they follow them.
+    pub followed: Vec<(u32, f32)>,
+    /// Faces and neighbours, by places.
+    pub faces: Vec<[u32; 3]>,
+    pub fans: Fans,
 }
 
 impl Blocks {
@@ -49,26 +63,48 @@ impl Blocks {
         let mut out = Self {
             n_verts: model.n_verts(),
             n_codes,
-            order: alike(&model.skin),
+            order: Vec::new(),
+            places: vec![0; model.n_verts()],
             base: Vec::new(),
+            most: most(n_codes),
             modes: Vec::new(),
             by_code,
             by_block: Vec::new(),
             starts: vec![0],
             bones: Vec::new(),
             weights: Vec::new(),
+            follows: vec![0],
+            followed: Vec::new(),
+            faces: Vec::new(),
+            fans: Fans::default(),
         };
-        let (order, laid) = (out.order.clone(), model.laid());
+        let (order, laid) = (together(model), model.laid());
+        for (place, v) in order.iter().enumerate() {
+            out.places[*v as usize] = place as u32;
+        }
         for verts in order.chunks(WIDE) {
             out.shape((model, &laid), verts);
             out.follow(&model.skin, verts);
         }
+        let placed = |f: &[u32; 3]| f.map(|v| out.places[v as usize]);
+        let mut faces: Vec<[u32; 3]> = model.faces.iter().map(placed).collect();
+        // In the order of memory.
+        faces.sort_by_key(|f| f.iter().copied().min());
+        (out.fans, out.faces) = (Fans::new(&faces, out.n_verts), faces);
+        out.order = order;
         out
     }
 
-    /// The shapes of a block: three axes a code.
-    pub fn rows(&self, block: usize) -> &[[i16; WIDE]] {
-        &self.modes[3 * self.n_codes * block..3 * self.n_codes * (block + 1)]
+    /// How many pairs of codes there are; the last code may be alone.
+    pub fn n_twos(&self) -> usize {
+        self.n_codes.div_ceil(2)
+    }
+
+    /// The shapes of a block: three axes for two codes.
+    #[inline(always)]
+    pub fn rows(&self, block: usize) -> &[[Steps; 3]] {
+        let n = 3 * self.n_twos();
+        self.modes[n * block..n * (block + 1)].as_chunks().0
     }
 
     /// Adds the shapes of a block of a model that lies there at rest [m].
@@ -77,21 +113,25 @@ impl Blocks {
         let row = |v: u32, axis: usize| 3 * v as usize + axis;
         let at = |v: u32, axis: usize, c: usize| entry(model, row(v, axis), c);
         let mut base = [Wide::default(); 3];
-        let mut most = 0.0f32;
+        let mut largest = 0.0f32;
         for (i, &v) in verts.iter().enumerate() {
             for axis in 0..3 {
                 let fixed = model.modes[row(v, axis) * (constant + 1) + constant];
                 base[axis].0[i] = laid[v as usize][axis] + fixed;
                 let all = (0..self.n_codes).map(|c| at(v, axis, c) / self.by_code[c]);
-                most = all.fold(most, |a, x| a.max(x.abs()));
+                largest = all.fold(largest, |a, x| a.max(x.abs()));
             }
         }
-        let step = most.max(f32::MIN_POSITIVE) / f32::from(i16::MAX);
-        for c in 0..self.n_codes {
+        let step = largest.max(f32::MIN_POSITIVE) / f32::from(self.most);
+        for c in (0..self.n_codes).step_by(2) {
             for axis in 0..3 {
-                let mut row = [0i16; WIDE];
-                for (to, &v) in row.iter_mut().zip(verts) {
-                    *to = (at(v, axis, c) / self.by_code[c] / step).round() as i16;
+                let steps = |v: u32, c: usize| match c < self.n_codes {
+                    true => (at(v, axis, c) / self.by_code[c] / step).round() as i16,
+                    false => 0,
+                };
+                let mut row = Steps::default();
+                for (to, &v) in row.0.iter_mut().zip(verts) {
+                    *to = [steps(v, c), steps(v, c + 1)];
                 }
                 self.modes.push(row);
             }
@@ -115,6 +155,14 @@ impl Blocks {
             self.weights.push(row);
         }
         self.starts.push(self.bones.len() as u32);
+        for &v in verts {
+            let own = skin.row(v as usize).filter(|e| e.1 != 0.0);
+            let first = self.followed.len();
+            self.followed.extend(own.map(|(b, w)| (b as u32, w)));
+            // As a block's bones, so that sums are the same to the last bit.
+            self.followed[first..].sort_by_key(|e| e.0);
+            self.follows.push(self.followed.len() as u32);
+        }
     }
 }
 
@@ -136,17 +184,47 @@ fn column(model: &Model, c: usize) -> f32 {
     }
 }
 
-/// Vertices in an order in which neighbours follow the same bones, most followed first.
-fn alike(skin: &Skin) -> Vec<u32> {
+/// Vertices in an order in which neighbours on the cloth are near, and follow the same bones, most followed first.
+fn together(model: &Model) -> Vec<u32> {
     let key = |v: &u32| {
-        let mut row: Vec<(Reverse<u32>, usize)> = skin
+        let mut row: Vec<(Reverse<u32>, usize)> = model
+            .skin
             .row(*v as usize)
             .map(|(b, w)| (Reverse(w.to_bits()), b))
             .collect();
         row.sort_unstable();
         row.into_iter().map(|e| e.1).collect::<Vec<_>>()
     };
-    let mut order: Vec<u32> = (0..skin.n_verts() as u32).collect();
-    order.sort_by_cached_key(key);
+    let mut order = outwards(&model.faces, model.n_verts());
+    order
+        .chunks_mut(REGION)
+        .for_each(|lot| lot.sort_by_cached_key(key));
+    order
+}
+
+/// Vertices in the order in which one reaches them from one vertex of each piece of the cloth, along its edges.
+fn outwards(faces: &[[u32; 3]], n_verts: usize) -> Vec<u32> {
+    let mut near: Vec<Vec<u32>> = vec![Vec::new(); n_verts];
+    for &[a, b, c] in faces {
+        for [p, q] in [[a, b], [b, c], [c, a]] {
+            near[p as usize].push(q);
+            near[q as usize].push(p);
+        }
+    }
+    let (mut order, mut seen) = (Vec::with_capacity(n_verts), vec![false; n_verts]);
+    for start in 0..n_verts as u32 {
+        let mut next = order.len();
+        if !std::mem::replace(&mut seen[start as usize], true) {
+            order.push(start);
+        }
+        while next < order.len() {
+            for &v in &near[order[next] as usize] {
+                if !std::mem::replace(&mut seen[v as usize], true) {
+                    order.push(v);
+                }
+            }
+            next += 1;
+        }
+    }
     order
 }

@@ -1,16 +1,15 @@
 //! Playing a model: pose in, vertices out.
 
-use glam::DAffine3;
+use glam::{DAffine3, Vec3A};
 use muslin_body::{Avatar, Pose};
 
-use crate::blocks::{Blocks, Wide};
-use crate::decode::{Affine, Many, One};
+use crate::blocks::Blocks;
+use crate::decode::{Affine, One};
+use crate::group::{GROUP, Group, Room};
 use crate::mind::Mind;
+use crate::steps::{self, Two};
 use crate::swing::Swing;
 use crate::{Model, ModelError, Stream};
-
-/// Frames that [`Player::frames`] works on together.
-const BATCH: usize = 32;
 
 /// Seconds from pose to pose until a sequence says otherwise.
 pub(crate) const STEP: f64 = 1.0 / 30.0;
@@ -30,10 +29,13 @@ pub struct Player {
     /// What the network reads: of the pose, and at the end what it is told once.
     input: Vec<f32>,
     told: usize,
-    /// Codes and bones of a batch.
+    /// Codes and bones of a group.
     codes: Vec<f32>,
     affine: Vec<Affine>,
-    room: Vec<Wide>,
+    room: Room,
+    /// Codes of a frame in steps, and room for its normals.
+    twos: Vec<Two>,
+    lie: Vec<[Vec3A; 2]>,
 }
 
 impl Player {
@@ -59,10 +61,12 @@ impl Player {
             stream,
             scale: model.scale.clone(),
             mind: Mind::new(&model.encoder, &model.params),
-            affine: vec![[0.0; 12]; BATCH * rig.len()],
+            affine: vec![[0.0; 12]; GROUP * rig.len()],
+            codes: vec![0.0; GROUP * blocks.n_codes],
+            room: Room::new(&blocks, rig.len()),
+            twos: vec![[0; 2]; blocks.n_twos()],
+            lie: vec![[Vec3A::ZERO; 2]; blocks.n_verts],
             rig,
-            codes: vec![0.0; BATCH * blocks.n_codes],
-            room: vec![Wide::default(); 3 * blocks.n_codes],
             blocks,
         })
     }
@@ -96,13 +100,39 @@ impl Player {
     /// # Panics
     /// Where `out` is of another length.
     pub fn frame(&mut self, pose: &Pose, bones: &[DAffine3], out: &mut [[f32; 3]]) {
+        self.one((pose, bones), out, None);
+    }
+
+    /// [`Player::frame`], and the unit normals of its vertices: those of the faces around, weighted by area; up where no
+    /// face has any.
+    ///
+    /// # Panics
+    /// Where `out` or `normals` is of another length.
+    pub fn frame_with_normals(
+        &mut self,
+        pose: &Pose,
+        bones: &[DAffine3],
+        (out, normals): (&mut [[f32; 3]], &mut [[f32; 3]]),
+    ) {
+        assert_eq!(normals.len(), self.n_verts(), "one normal per vertex");
+        self.one((pose, bones), out, Some(normals));
+    }
+
+    fn one(
+        &mut self,
+        pose: (&Pose, &[DAffine3]),
+        out: &mut [[f32; 3]],
+        normals: Option<&mut [[f32; 3]]>,
+    ) {
         assert_eq!(out.len(), self.n_verts(), "one entry per vertex");
-        self.read((pose, bones), 0);
-        pulp::Arch::new().dispatch(One {
+        self.read(pose, 0);
+        steps::fastest(One {
             blocks: &self.blocks,
             codes: &self.codes[..self.blocks.n_codes],
             bones: &self.affine[..self.rig.len()],
+            twos: &mut self.twos,
             out,
+            normals: normals.map(|n| (&mut self.lie[..], n)),
         });
     }
 
@@ -114,22 +144,50 @@ impl Player {
     /// # Panics
     /// Where `out` is of another length.
     pub fn frames(&mut self, poses: &[(&Pose, &[DAffine3])], out: &mut [[f32; 3]]) {
+        self.many(poses, out, None);
+    }
+
+    /// [`Player::frames`], and the normals of [`Player::frame_with_normals`], in the same order.
+    ///
+    /// # Panics
+    /// Where `out` or `normals` is of another length.
+    pub fn frames_with_normals(
+        &mut self,
+        poses: &[(&Pose, &[DAffine3])],
+        (out, normals): (&mut [[f32; 3]], &mut [[f32; 3]]),
+    ) {
+        assert_eq!(
+            normals.len(),
+            out.len(),
+            "one normal per vertex of each pose"
+        );
+        self.many(poses, out, Some(normals));
+    }
+
+    fn many(
+        &mut self,
+        poses: &[(&Pose, &[DAffine3])],
+        out: &mut [[f32; 3]],
+        normals: Option<&mut [[f32; 3]]>,
+    ) {
         assert_eq!(
             out.len(),
             poses.len() * self.n_verts(),
             "one entry per vertex of each pose"
         );
-        let lots = out.chunks_mut(BATCH * self.n_verts().max(1));
-        for (poses, out) in poses.chunks(BATCH).zip(lots) {
+        let lot = GROUP * self.n_verts().max(1);
+        let mut normals = normals.map(|n| n.chunks_mut(lot));
+        for (poses, out) in poses.chunks(GROUP).zip(out.chunks_mut(lot)) {
             for (slot, pose) in poses.iter().enumerate() {
                 self.read(*pose, slot);
             }
-            pulp::Arch::new().dispatch(Many {
+            steps::fastest(Group {
                 blocks: &self.blocks,
                 codes: &self.codes[..poses.len() * self.blocks.n_codes],
                 bones: &self.affine[..poses.len() * self.rig.len()],
                 room: &mut self.room,
                 out,
+                normals: normals.as_mut().and_then(Iterator::next),
             });
         }
     }

@@ -2,7 +2,10 @@
 
 use glam::{Mat3A, Vec3A};
 
+use muslin_net::learn::Linear;
+
 use crate::decode::Affine;
+use crate::layers::Dense;
 use crate::{Model, Sway};
 
 /// Steps of cloth's swings by BDF2, on the points that stand for it.
@@ -12,10 +15,12 @@ use crate::{Model, Sway};
 #[derive(Clone, Debug)]
 pub(crate) struct Swing {
     points: Vec<Point>,
-    /// Shapes that the pose mixes, of every point: three rows with one entry per code.
-    still: Vec<f32>,
-    /// The same of the swings.
+    /// From the pose's codes to where every point is before it is carried, axis by axis [m].
+    still: Dense,
+    /// The swings at every point: three rows with one entry per code; from codes to ways, and from pulls to codes.
     means: Vec<f32>,
+    ways: Dense,
+    pulls: Dense,
     damping: Vec<f32>,
     stiffness: Vec<f32>,
     walls: Walls,
@@ -30,17 +35,21 @@ pub(crate) struct Swing {
     codes: [Vec<f32>; 2],
     /// Room for a frame.
     here: Vec<(Vec3A, Mat3A)>,
+    each: Vec<f32>,
     right: Vec<f32>,
     /// How much of the swing is shown.
     pub level: f32,
 }
 
 /// Skin that holds cloth back, in the frame of the bones it follows: `aᵀ q ≥ -room`.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Walls {
     /// `a` of every wall, one entry per code: the way out of the skin times the vertex's swings.
     ways: Vec<f32>,
     rooms: Vec<f32>,
+    /// How far behind the skin codes leave all of them [m], and room for that.
+    behind: Dense,
+    all: Vec<f32>,
     /// `A⁻¹ a`, with `A` the system of a step, and `1 / aᵀ A⁻¹ a`.
     pushes: Vec<f32>,
     gains: Vec<f32>,
@@ -57,7 +66,11 @@ impl Walls {
             let rows = &sway.shapes[3 * *v as usize * k..][..3 * k];
             ways.extend((0..k).map(|c| x * rows[c] + y * rows[k + c] + z * rows[2 * k + c]));
         }
+        let rooms = sway.rooms.iter().map(|r| -r[3]);
+        let params: Vec<f32> = ways.iter().map(|a| -a).chain(rooms).collect();
         Self {
+            behind: dense(k, sway.walls.len(), &params),
+            all: vec![0.0; sway.walls.len()],
             pushes: vec![0.0; ways.len()],
             gains: vec![0.0; sway.walls.len()],
             rooms: sway.rooms.iter().map(|r| r[3]).collect(),
@@ -81,9 +94,16 @@ impl Walls {
 
     /// Codes that leave all of them in front of the skin, as far as a few rounds get.
     #[inline(always)]
-    fn hold(&self, q: &mut [f32]) {
+    fn hold(&mut self, q: &mut [f32]) {
         let k = q.len();
+        if self.gains.is_empty() {
+            return;
+        }
         for _ in 0..ROUNDS {
+            self.behind.apply(q, &mut self.all);
+            if self.all.iter().all(|by| *by <= 0.0) {
+                return;
+            }
             for (w, (way, push)) in (self.ways.chunks_exact(k))
                 .zip(self.pushes.chunks_exact(k))
                 .enumerate()
@@ -101,8 +121,6 @@ impl Walls {
 /// A point that stands for the cloth around it.
 #[derive(Clone, Debug)]
 struct Point {
-    /// Around the body at rest [m].
-    rest: Vec3A,
     mass: f32,
     /// Bones that it follows, and how strongly.
     bones: Vec<(u8, f32)>,
@@ -113,7 +131,8 @@ impl Swing {
     pub fn new(model: &Model) -> Option<Self> {
         let sway = model.sway.as_ref().filter(|s| !s.is_empty())?;
         let (k, codes) = (sway.len(), model.n_codes() - 1);
-        let mut still = Vec::with_capacity(3 * sway.samples.len() * codes);
+        let mut still = Vec::with_capacity(3 * sway.samples.len() * (codes + 1));
+        let mut at = Vec::with_capacity(3 * sway.samples.len());
         let mut points = Vec::with_capacity(sway.samples.len());
         for (&v, &mass) in sway.samples.iter().zip(&sway.masses) {
             let v = v as usize;
@@ -124,11 +143,19 @@ impl Swing {
                 still.extend(&row[..codes]);
             }
             let bones = model.skin.row(v).map(|(b, w)| (b as u8, w)).collect();
-            points.push(Point { rest, mass, bones });
+            at.extend(rest.to_array());
+            points.push(Point { mass, bones });
         }
         let n = points.len();
+        still.extend(at);
+        let turned = (0..k).flat_map(|c| sway.means[c..].iter().step_by(k));
+        let turned: Vec<f32> = turned.copied().chain(std::iter::repeat_n(0.0, k)).collect();
+        let means = sway.means.iter().copied();
+        let ways: Vec<f32> = means.chain(std::iter::repeat_n(0.0, 3 * n)).collect();
         Some(Self {
-            still,
+            still: dense(codes, 3 * n, &still),
+            ways: dense(k, 3 * n, &ways),
+            pulls: dense(3 * n, k, &turned),
             means: sway.means.clone(),
             damping: sway.damping.clone(),
             stiffness: sway.stiffness.clone(),
@@ -139,6 +166,7 @@ impl Swing {
             past: [vec![[Vec3A::ZERO; 2]; n], vec![[Vec3A::ZERO; 2]; n]],
             codes: [vec![0.0; k], vec![0.0; k]],
             here: vec![(Vec3A::ZERO, Mat3A::IDENTITY); n],
+            each: vec![0.0; 3 * n],
             right: vec![0.0; k],
             level: 1.0,
             points,
@@ -210,9 +238,10 @@ impl Swing {
     /// Where the points would rest, and how they are turned.
     #[inline(always)]
     fn rest(&mut self, z: &[f32], bones: &[Affine]) {
-        let rows = self.still.chunks_exact(3 * z.len());
-        for ((p, rows), here) in self.points.iter().zip(rows).zip(&mut self.here) {
-            let at = p.rest + mixed(rows, z);
+        self.still.apply(z, &mut self.each);
+        let places = self.each.as_chunks::<3>().0;
+        for ((p, at), here) in self.points.iter().zip(places).zip(&mut self.here) {
+            let at = Vec3A::from_array(*at);
             let (mut x, mut turn) = (Vec3A::ZERO, Mat3A::ZERO);
             for &(b, w) in &p.bones {
                 let a = &bones[usize::from(b)];
@@ -228,17 +257,15 @@ impl Swing {
     #[inline(always)]
     fn step(&mut self, tau: f32) {
         let k = self.len();
-        self.right.fill(0.0);
-        let rows = self.means.chunks_exact(3 * k);
-        for (i, rows) in rows.clone().enumerate() {
+        let pulls = self.each.as_chunks_mut::<3>().0;
+        for (i, to) in pulls.iter_mut().enumerate() {
             let ([x1, v1], [x2, v2]) = (self.past[0][i], self.past[1][i]);
             let free = (x1 * 4.0 - x2) / 3.0 + (v1 * 4.0 - v2) * (tau / 3.0);
             let (y, turn) = &self.here[i];
             let pull = turn.transpose() * (free - *y) * (self.points[i].mass / (tau * tau));
-            for (row, f) in rows.chunks_exact(k).zip(pull.to_array()) {
-                (self.right.iter_mut().zip(row)).for_each(|(r, m)| *r += m * f);
-            }
+            *to = pull.to_array();
         }
+        self.pulls.apply(&self.each, &mut self.right);
         let [q1, q2] = &mut self.codes;
         for i in 0..k {
             self.right[i] += self.damping[i] / tau * (4.0 * q1[i] - q2[i]) / 3.0;
@@ -248,10 +275,11 @@ impl Swing {
             *q = row.iter().zip(&self.right).map(|(a, b)| a * b).sum();
         }
         self.walls.hold(q1);
+        self.ways.apply(q1, &mut self.each);
         let [now, before] = &mut self.past;
-        for (i, rows) in rows.enumerate() {
+        for (i, way) in self.each.as_chunks::<3>().0.iter().enumerate() {
             let (y, turn) = &self.here[i];
-            let x = *y + *turn * mixed(rows, q1);
+            let x = *y + *turn * Vec3A::from_array(*way);
             let free = (now[i][0] * 4.0 - before[i][0]) / 3.0;
             before[i] = now[i];
             now[i] = [x, (x - free) / tau];
@@ -259,14 +287,16 @@ impl Swing {
     }
 }
 
-/// Three rows, each times the codes.
-#[inline(always)]
-fn mixed(rows: &[f32], codes: &[f32]) -> Vec3A {
-    let mut out = [0.0f32; 3];
-    for (out, row) in out.iter_mut().zip(rows.chunks_exact(codes.len())) {
-        *out = dot(row, codes);
-    }
-    Vec3A::from_array(out)
+/// `W x + b` of so many numbers: the rows of `W`, then `b`.
+fn dense(inputs: usize, outputs: usize, params: &[f32]) -> Dense {
+    Dense::new(
+        Linear {
+            inputs,
+            outputs,
+            bias: true,
+        },
+        params,
+    )
 }
 
 #[inline(always)]

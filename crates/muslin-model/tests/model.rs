@@ -188,6 +188,42 @@ fn frames_together_are_those_one_by_one() {
 }
 
 #[test]
+fn normals_are_those_of_the_faces_around_alone_and_together() {
+    let avatar = Avatar::embedded().expect("the embedded body is sound");
+    let figure = avatar.figure(&Shape::default()).expect("the default shape");
+    let mut model = model();
+    // Vertex 36 has no face, 0 and 1 a fan of two apart from each other's.
+    model.faces.truncate(34);
+    model.faces.push([0, 20, 30]);
+    let n = model.n_verts();
+    let mut player = Player::new(&model, &avatar).expect("the bones are there");
+    let poses: Vec<Pose> = (0..19).map(|k| wave(&avatar, k)).collect();
+    let bones: Vec<_> = poses.iter().map(|p| avatar.bones(&figure, p)).collect();
+    let all: Vec<_> = poses.iter().zip(bones.iter().map(Vec::as_slice)).collect();
+    let [mut x, mut normals] = [(); 2].map(|()| vec![[0.0f32; 3]; n * poses.len()]);
+    player.frames_with_normals(&all, (&mut x, &mut normals));
+    let wide = |x: [f32; 3]| DVec3::from_array(x.map(f64::from));
+    for (k, (pose, bones)) in all.into_iter().enumerate() {
+        let (x, together) = (&x[n * k..n * (k + 1)], &normals[n * k..n * (k + 1)]);
+        let [mut alone, mut turned] = [(); 2].map(|()| vec![[0.0f32; 3]; n]);
+        player.frame_with_normals(pose, bones, (&mut alone, &mut turned));
+        assert_eq!(alone, x);
+        let mut sums = vec![DVec3::ZERO; n];
+        for f in &model.faces {
+            let [a, b, c] = f.map(|v| wide(x[v as usize]));
+            f.iter()
+                .for_each(|v| sums[*v as usize] += (b - a).cross(c - a));
+        }
+        for v in 0..n {
+            let want = sums[v].normalize_or(DVec3::Y);
+            for got in [together[v], turned[v]] {
+                assert!(wide(got).distance(want) < 1e-4, "{v}: {got:?} for {want}");
+            }
+        }
+    }
+}
+
+#[test]
 #[should_panic(expected = "one entry per vertex of each pose")]
 fn room_for_too_few_frames_is_refused() {
     let avatar = Avatar::embedded().expect("the embedded body is sound");

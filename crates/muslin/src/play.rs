@@ -26,8 +26,9 @@ pub struct Playing {
     player: Player,
     pose: Pose,
     bones: Vec<DAffine3>,
-    /// Where the cloth was predicted last [m].
+    /// Where the cloth was predicted last [m], and its normals, where they were asked for.
     at: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
     step: f64,
 }
 
@@ -79,6 +80,7 @@ impl Playing {
             pose: Pose::rest(&avatar),
             bones: Vec::with_capacity(avatar.rig().n_bones()),
             at: vec![[0.0; 3]; player.n_verts()],
+            normals: vec![[0.0; 3]; player.n_verts()],
             step: STEP,
             faces: model.faces,
             player,
@@ -131,6 +133,25 @@ impl Playing {
     /// # Panics
     /// Where `turns` has not one entry per bone.
     pub fn frame(&mut self, turns: &[[f32; 4]], root: [f32; 3]) -> Option<&[[f32; 3]]> {
+        self.predict(turns, root, false)?;
+        Some(&self.at)
+    }
+
+    /// [`Playing::frame`], and the unit normal of every vertex.
+    ///
+    /// # Panics
+    /// Where `turns` has not one entry per bone.
+    pub fn frame_with_normals(
+        &mut self,
+        turns: &[[f32; 4]],
+        root: [f32; 3],
+    ) -> Option<(&[[f32; 3]], &[[f32; 3]])> {
+        self.predict(turns, root, true)?;
+        Some((&self.at, &self.normals))
+    }
+
+    /// Nothing where something is not finite.
+    fn predict(&mut self, turns: &[[f32; 4]], root: [f32; 3], normals: bool) -> Option<()> {
         assert_eq!(turns.len(), self.pose.rotations.len(), "a turn per bone");
         let sound = |q: &[f32; 4]| {
             let sum: f32 = q.iter().map(|x| x * x).sum();
@@ -146,11 +167,17 @@ impl Playing {
         self.pose.root = DVec3::from_array(root.map(f64::from));
         self.avatar
             .bones_into(&self.figure, &self.pose, &mut self.bones);
-        self.player.frame(&self.pose, &self.bones, &mut self.at);
+        match normals {
+            true => {
+                let out = (&mut self.at[..], &mut self.normals[..]);
+                self.player.frame_with_normals(&self.pose, &self.bones, out);
+            }
+            false => self.player.frame(&self.pose, &self.bones, &mut self.at),
+        }
         if !self.at.as_flattened().iter().all(|x| x.is_finite()) {
             self.player.begin(self.step);
             return None;
         }
-        Some(&self.at)
+        Some(())
     }
 }

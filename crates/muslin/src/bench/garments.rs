@@ -415,17 +415,26 @@ fn speed(
     let pose = &set.moving.motion.poses[set.moving.lead];
     let bones = avatar.bones(&set.figure, pose);
     let n = player.n_verts();
-    let mut out = vec![[0.0f32; 3]; 32 * n];
+    let [mut out, mut normals] = [(); 2].map(|()| vec![[0.0f32; 3]; 32 * n]);
     let network = least_of(10, || player.frame(pose, &bones, &mut out[..n]));
+    let turned = least_of(10, || {
+        player.frame_with_normals(pose, &bones, (&mut out[..n], &mut normals[..n]));
+    });
     let with_bones = least_of(10, || {
         let bones = avatar.bones(&set.figure, pose);
         player.frame(pose, &bones, &mut out[..n]);
     });
-    let together = least_of(10, || player.frames(&[(pose, &bones[..]); 32], &mut out));
+    let poses = [(pose, &bones[..]); 32];
+    let together = least_of(10, || player.frames(&poses, &mut out));
+    let turned_together = least_of(10, || {
+        player.frames_with_normals(&poses, (&mut out, &mut normals));
+    });
     Ok(format!(
-        "network, codes, shapes and skinning on one core: {:.0} frames a second, 32 together {:.0}; with the posed bones {:.0}",
+        "network, swings, shapes and skinning on one core: {:.0} frames a second, 32 together {:.0}; with normals {:.0} and {:.0}; with the posed bones but no normals {:.0}",
         1e3 / network.wall,
         32e3 / together.wall,
+        1e3 / turned.wall,
+        32e3 / turned_together.wall,
         1e3 / with_bones.wall
     ))
 }
