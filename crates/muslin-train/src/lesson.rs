@@ -64,6 +64,10 @@ pub struct Plan {
     /// Cost of stretch and contact [J] beyond which a pose counts for less and less: its weight is
     /// this over its cost, so that a few impossible poses do not drown the others.
     pub fair: f64,
+    /// How much is added at random to what the network is told of a pose, in every step anew, as a share of how much
+    /// that differs from pose to pose: poses that are nearer to each other than this are to give much the same cloth,
+    /// also where none was taught.
+    pub blur: f32,
     /// Where random numbers start.
     pub seed: u64,
 }
@@ -84,6 +88,7 @@ impl Default for Plan {
             stiffest: 1000.0,
             firm: 1000.0,
             fair: 0.1,
+            blur: 0.1,
             seed: 1,
         }
     }

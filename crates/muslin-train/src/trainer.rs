@@ -121,6 +121,8 @@ pub(crate) struct Now {
     pub bad: u64,
 }
 
+/// Keeps what seeds and steps begin apart (any large odd number).
+const NEXT_SEED: u64 = 0xd6e8_feb8_6659_fd93;
 /// Poses that a training needs at least.
 const FEWEST: usize = 4 * LANES;
 /// Poses that a motion is judged by, at most.
@@ -247,6 +249,21 @@ impl<'a> Trainer<'a> {
         out
     }
 
+    /// What a pack says of the network that is told its poses inexactly, by something else in every step.
+    pub(crate) fn blurred(&self, pack: &mut Pack) -> Work {
+        let clear = pack.inputs.clone();
+        // The same in a training that was stopped and went on.
+        let place = (self.now.step << 32) | u64::from(pack.poses[0]);
+        let mut noise = Noise::new(self.plan.seed.wrapping_mul(NEXT_SEED) ^ place);
+        let told = &mut pack.inputs[..self.reader.n_inputs()];
+        for x in told.as_flattened_mut() {
+            *x += self.plan.blur * noise.normal() as f32;
+        }
+        let work = self.work(pack);
+        pack.inputs = clear;
+        work
+    }
+
     fn told(&self, works: &[Work]) -> Told {
         let mut told = Told {
             step: self.now.step + 1,
@@ -279,7 +296,7 @@ impl Training for Trainer<'_> {
             .iter()
             .map(|k| self.now.packs[*k as usize].clone())
             .collect();
-        let works: Vec<Work> = packs.par_iter_mut().map(|p| self.work(p)).collect();
+        let works: Vec<Work> = packs.par_iter_mut().map(|p| self.blurred(p)).collect();
         for (k, pack) in chosen.into_iter().zip(packs) {
             self.now.packs[k as usize] = pack;
         }

@@ -109,7 +109,8 @@ impl Trainer<'_> {
     }
 
     /// Looks for the nearest skin where that is due, and for cloth that meets cloth while it may be anywhere: looked for
-    /// once more in cloth that has become soft, its planes stand in folds, and trainings broke out.
+    /// once more in cloth that has become soft, its planes stand in folds, and trainings broke out. Later on the planes of
+    /// then are forgotten, for they hold up cloth that has moved on.
     fn look(&self, pack: &mut Pack, x: &[Row]) {
         let Wearer { body, folds, .. } = &self.wearers[pack.wearer];
         if pack.skins.is_empty() {
@@ -133,10 +134,8 @@ impl Trainer<'_> {
         pack.faces = (0..x.len() / 3)
             .map(|v| std::array::from_fn(|lane| all[lane].0[v]))
             .collect();
-        if is_new {
-            let folds: Vec<Vec<(u32, Plane)>> = all.into_iter().map(|a| a.1).collect();
-            pack.folds = gathered(&folds);
-        }
+        let folds: Vec<Vec<(u32, Plane)>> = all.into_iter().map(|a| a.1).collect();
+        pack.folds = gathered(&folds);
     }
 
     /// The wall at every vertex: normal and offset.
@@ -257,6 +256,37 @@ mod tests {
         gradients(CLASS.trainer(), 0);
         let other = Other::new(&CLASS);
         gradients(CLASS.taught(other.lessons(&CLASS)), 1);
+    }
+
+    #[test]
+    fn poses_are_told_inexactly_in_every_step_anew_and_traits_as_they_are() {
+        let other = Other::new(&CLASS);
+        let mut trainer = CLASS.taught(other.lessons(&CLASS));
+        trainer.step().expect("finite");
+        let mut pack = trainer.now.packs[0].clone();
+        let told = pack.inputs.clone();
+        let clear = trainer.work(&mut pack.clone());
+        let mut blurred = || trainer.blurred(&mut pack).codes;
+        let (a, again) = (blurred(), blurred());
+        assert_eq!(a, again, "as after a stop in this step");
+        assert_eq!(pack.inputs, told);
+        let off =
+            |a: &[f32], b: &[f32]| -> f32 { a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum() };
+        assert!(off(&a, &clear.codes) > 0.0);
+        trainer.step().expect("finite");
+        trainer.now.params.fill(0.0);
+        // A network that hears traits alone hears nothing else in the next step.
+        let first = trainer.encoder.widths[1];
+        let inputs = trainer.encoder.widths[0];
+        let traits = trainer.wearers[0].lesson.traits.len();
+        assert!(traits > 0);
+        for o in 0..first {
+            for i in inputs - traits..inputs {
+                trainer.now.params[o * inputs + i] = 0.1 * (o + i) as f32;
+            }
+        }
+        let alike = trainer.work(&mut pack.clone()).codes;
+        assert_eq!(trainer.blurred(&mut pack).codes, alike);
     }
 
     /// The gradients of a pack of the wearer of that number.
