@@ -337,7 +337,7 @@ unsafe fn predict(
     };
     let frame = AssertUnwindSafe(|| {
         if normals {
-            let (at, turned) = g.playing.frame_with_normals(turns, root)?;
+            let [at, turned] = g.playing.frame_with_normals(turns, root)?;
             give(at, Some(turned));
         } else {
             give(g.playing.frame(turns, root)?, None);

@@ -68,7 +68,7 @@ fn a_program_in_c_plays_the_same_frames() {
     let mut heights = Vec::new();
     for (k, line) in told.lines().enumerate() {
         turns[arm][2] = 0.5 * k as f32 / 30.0;
-        let (at, normals) = playing
+        let [at, normals] = playing
             .frame_with_normals(&turns, [0.0; 3])
             .expect("a turn a bone");
         let forwards = normals.iter().map(|n| f64::from(n[2].max(0.0)));

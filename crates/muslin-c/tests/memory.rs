@@ -47,7 +47,7 @@ fn frames_take_no_memory_and_refuse_what_is_not_finite() {
         turns[20] = [0.0, sin, 0.0, cos];
         let root = [0.1 * k as f32, 0.0, 0.0];
         assert!(playing.frame(&turns, root).is_some());
-        let (_, normals) = playing
+        let [_, normals] = playing
             .frame_with_normals(&turns, root)
             .expect("it may again");
         let long = |n: &[f32; 3]| n.iter().map(|x| x * x).sum::<f32>().sqrt();

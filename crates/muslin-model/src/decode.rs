@@ -9,6 +9,9 @@ use crate::steps::{Coder, Job, Sums, Two};
 /// A bone: the columns of its matrix and its translation.
 pub(crate) type Affine = [f32; 12];
 
+/// Where a vertex is [m], and the sum of twice the faces around it [m²].
+pub(crate) type Placed = [Vec3A; 2];
+
 /// One frame.
 pub(crate) struct One<'a> {
     pub blocks: &'a Blocks,
@@ -18,8 +21,8 @@ pub(crate) struct One<'a> {
     /// Room for the codes in steps.
     pub twos: &'a mut [Two],
     pub out: &'a mut [[f32; 3]],
-    /// Room for where vertices are and what faces say, by places, and the normals, where they are asked for.
-    pub normals: Option<(&'a mut [[Vec3A; 2]], &'a mut [[f32; 3]])>,
+    /// Room for the vertices by places, and the normals, where they are asked for.
+    pub normals: Option<(&'a mut [Placed], &'a mut [[f32; 3]])>,
 }
 
 impl Job for One<'_> {
@@ -59,7 +62,7 @@ impl Job for One<'_> {
 
 /// Unit normals, weighted by area; up where no face has any.
 #[inline(always)]
-fn turn(b: &Blocks, room: &mut [[Vec3A; 2]], out: &mut [[f32; 3]]) {
+fn turn(b: &Blocks, room: &mut [Placed], out: &mut [[f32; 3]]) {
     for face in &b.faces {
         let [p, q, r] = face.map(|v| v as usize);
         let here = room[p][0];

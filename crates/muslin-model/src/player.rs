@@ -4,7 +4,7 @@ use glam::{DAffine3, Vec3A};
 use muslin_body::{Avatar, Pose};
 
 use crate::blocks::Blocks;
-use crate::decode::{Affine, One};
+use crate::decode::{Affine, One, Placed};
 use crate::group::{GROUP, Group, Room};
 use crate::mind::Mind;
 use crate::steps::{self, Two};
@@ -35,7 +35,7 @@ pub struct Player {
     room: Room,
     /// Codes of a frame in steps, and room for its normals.
     twos: Vec<Two>,
-    lie: Vec<[Vec3A; 2]>,
+    lie: Vec<Placed>,
 }
 
 impl Player {

@@ -137,7 +137,7 @@ impl Playing {
         Some(&self.at)
     }
 
-    /// [`Playing::frame`], and the unit normal of every vertex.
+    /// [`Playing::frame`], and then the unit normal of every vertex.
     ///
     /// # Panics
     /// Where `turns` has not one entry per bone.
@@ -145,9 +145,9 @@ impl Playing {
         &mut self,
         turns: &[[f32; 4]],
         root: [f32; 3],
-    ) -> Option<(&[[f32; 3]], &[[f32; 3]])> {
+    ) -> Option<[&[[f32; 3]]; 2]> {
         self.predict(turns, root, true)?;
-        Some((&self.at, &self.normals))
+        Some([&self.at, &self.normals])
     }
 
     /// Nothing where something is not finite.
