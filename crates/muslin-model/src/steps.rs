@@ -20,6 +20,9 @@ pub(crate) fn most(n_codes: usize) -> i16 {
     all.sqrt().min(f64::from(i16::MAX)) as i16
 }
 
+/// Codes that are less than this together move nothing that anybody sees, and steps of them would have no number.
+const NOTHING: f32 = 1e-20;
+
 /// Codes in steps: every frame has a size of step of its own, as fine as sums allow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Coder {
@@ -39,7 +42,7 @@ impl Coder {
             sum += z.abs();
             largest = largest.max(z.abs());
         }
-        if sum == 0.0 || !sum.is_finite() {
+        if sum < NOTHING || !sum.is_finite() {
             return Self {
                 per: 0.0,
                 worth: 0.0 * sum,
@@ -415,5 +418,7 @@ mod tests {
         assert!(Coder::of(&[f32::INFINITY], 9).worth.is_nan());
         let nothing = Coder::of(&[0.0; 4], 9);
         assert_eq!((nothing.steps(0.0), nothing.worth), (0, 0.0));
+        let little = Coder::of(&[1e-38; 4], 9);
+        assert_eq!((little.steps(1e-38), little.worth), (0, 0.0));
     }
 }
