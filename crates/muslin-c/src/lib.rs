@@ -278,15 +278,8 @@ pub unsafe extern "C" fn muslin_frame(
     root: *const f32,
     vertices: *mut f32,
 ) -> c_int {
-    if vertices.is_null() {
-        return 1;
-    }
-    let give = |at: &[[f32; 3]], _: Option<&[[f32; 3]]>| {
-        // SAFETY: there is room for three numbers a vertex; a copy, for nobody said that there are numbers yet.
-        unsafe { ptr::copy(at.as_ptr().cast::<f32>(), vertices, 3 * at.len()) };
-    };
     // SAFETY: as the caller says.
-    unsafe { predict(garment, (turns, root), false, give) }
+    unsafe { predict(garment, (turns, root), (vertices, None)) }
 }
 
 /// See `muslin.h`.
@@ -301,32 +294,21 @@ pub unsafe extern "C" fn muslin_frame_with_normals(
     vertices: *mut f32,
     normals: *mut f32,
 ) -> c_int {
-    if vertices.is_null() || normals.is_null() {
-        return 1;
-    }
-    let give = |at: &[[f32; 3]], turned: Option<&[[f32; 3]]>| {
-        // SAFETY: as in `muslin_frame`, for both.
-        unsafe { ptr::copy(at.as_ptr().cast::<f32>(), vertices, 3 * at.len()) };
-        if let Some(n) = turned {
-            // SAFETY: as above.
-            unsafe { ptr::copy(n.as_ptr().cast::<f32>(), normals, 3 * n.len()) };
-        }
-    };
     // SAFETY: as the caller says.
-    unsafe { predict(garment, (turns, root), true, give) }
+    unsafe { predict(garment, (turns, root), (vertices, Some(normals))) }
 }
 
-/// A frame, given to whoever has room for it; 0 if there was one.
+/// A frame, and its normals where there is to be room for them; 0 if there was one.
 ///
 /// # Safety
-/// `garment` is NULL or open, `turns` NULL or to four numbers a bone, `root` NULL or to three.
+/// As for [`muslin_frame_with_normals`].
 unsafe fn predict(
     garment: *mut Garment,
     (turns, root): (*const f32, *const f32),
-    normals: bool,
-    give: impl FnOnce(&[[f32; 3]], Option<&[[f32; 3]]>),
+    (vertices, normals): (*mut f32, Option<*mut f32>),
 ) -> c_int {
-    if garment.is_null() || turns.is_null() || root.is_null() {
+    let no_room = vertices.is_null() || normals.is_some_and(|n| n.is_null());
+    if garment.is_null() || turns.is_null() || root.is_null() || no_room {
         return 1;
     }
     // SAFETY: none is NULL, and as the caller says.
@@ -335,12 +317,18 @@ unsafe fn predict(
         let turns = slice::from_raw_parts(turns.cast::<[f32; 4]>(), g.names.len());
         (g, turns, *root.cast::<[f32; 3]>())
     };
+    let give = |from: &[[f32; 3]], to: *mut f32| {
+        // SAFETY: there is room for three numbers a vertex; a copy, for nobody said that there are numbers yet.
+        unsafe { ptr::copy(from.as_ptr().cast::<f32>(), to, 3 * from.len()) };
+    };
     let frame = AssertUnwindSafe(|| {
-        if normals {
-            let [at, turned] = g.playing.frame_with_normals(turns, root)?;
-            give(at, Some(turned));
-        } else {
-            give(g.playing.frame(turns, root)?, None);
+        match normals {
+            Some(normals) => {
+                let [at, turned] = g.playing.frame_with_normals(turns, root)?;
+                give(at, vertices);
+                give(turned, normals);
+            }
+            None => give(g.playing.frame(turns, root)?, vertices),
         }
         Some(())
     });

@@ -30,9 +30,8 @@ impl Job for One<'_> {
     fn run<S: Simd, M: Sums>(self, on: S, sums: M) {
         let b = self.blocks;
         let coder = Coder::of(self.codes, b.most);
-        for (to, z) in self.twos.iter_mut().zip(self.codes.chunks(2)) {
-            *to = [coder.steps(z[0]), z.get(1).map_or(0, |z| coder.steps(*z))];
-        }
+        let twos = coder.twos(self.codes);
+        self.twos.iter_mut().zip(twos).for_each(|(to, z)| *to = z);
         let mut normals = self.normals;
         for block in 0..b.base.len() {
             let mut sum = [sums.none(); 3];

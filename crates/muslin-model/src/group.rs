@@ -83,9 +83,8 @@ impl Group<'_> {
         for (f, codes) in self.codes.chunks_exact(n_codes.max(1)).enumerate() {
             let coder = Coder::of(codes, self.blocks.most);
             room.worth.0[f] = coder.worth;
-            for (to, z) in room.twos.iter_mut().zip(codes.chunks(2)) {
-                to.0[f] = [coder.steps(z[0]), z.get(1).map_or(0, |z| coder.steps(*z))];
-            }
+            let twos = room.twos.iter_mut().zip(coder.twos(codes));
+            twos.for_each(|(to, z)| to.0[f] = z);
         }
         let n_bones = room.bones.len();
         for (f, bones) in self.bones.chunks_exact(n_bones.max(1)).enumerate() {

@@ -57,9 +57,16 @@ impl Coder {
         }
     }
 
+    /// Codes in steps, two by two; the last may be alone.
+    #[inline(always)]
+    pub fn twos(&self, codes: &[f32]) -> impl Iterator<Item = Two> {
+        let two = |z: &[f32]| [self.steps(z[0]), z.get(1).map_or(0, |z| self.steps(*z))];
+        codes.chunks(2).map(two)
+    }
+
     /// A code in steps.
     #[inline(always)]
-    pub fn steps(&self, code: f32) -> i16 {
+    fn steps(&self, code: f32) -> i16 {
         (code * self.per).round_ties_even() as i16
     }
 }
@@ -287,14 +294,31 @@ pub(crate) fn fastest(job: impl Job) {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::RefCell;
+
     use muslin_net::learn::Noise;
 
     use super::*;
 
-    /// Sums of as many products as there are rows, each by one of the ways.
+    /// Does a job in every way that this machine knows.
+    fn each_way(job: impl Job + Copy) {
+        job.run(pulp::Scalar::new(), Plain);
+        #[cfg(target_arch = "x86_64")]
+        {
+            if let Some(v3) = pulp::x86::V3::try_new() {
+                Simd::vectorize(v3, With(job, v3));
+            }
+            if let Some(v4) = pulp::x86::V4::try_new() {
+                Simd::vectorize(v4, With(job, v4));
+            }
+        }
+    }
+
+    /// Sums of as many products as there are rows.
+    #[derive(Clone, Copy)]
     struct Total<'a> {
         rows: &'a [(Steps, Two)],
-        out: &'a mut [f32; WIDE],
+        out: &'a RefCell<Vec<[f32; WIDE]>>,
     }
 
     impl Job for Total<'_> {
@@ -304,40 +328,8 @@ mod tests {
             for (row, two) in self.rows {
                 sum = sums.plus(sum, sums.row(row), sums.alike(*two));
             }
-            *self.out = sums.floats(sum);
+            self.out.borrow_mut().push(sums.floats(sum));
         }
-    }
-
-    /// Every way that this machine knows.
-    fn all_ways(rows: &[(Steps, Two)]) -> Vec<[f32; WIDE]> {
-        let mut all = Vec::new();
-        let mut out = [0.0; WIDE];
-        let job = Total {
-            rows,
-            out: &mut out,
-        };
-        job.run(pulp::Scalar::new(), Plain);
-        all.push(out);
-        #[cfg(target_arch = "x86_64")]
-        {
-            if let Some(v3) = pulp::x86::V3::try_new() {
-                let job = Total {
-                    rows,
-                    out: &mut out,
-                };
-                Simd::vectorize(v3, With(job, v3));
-                all.push(out);
-            }
-            if let Some(v4) = pulp::x86::V4::try_new() {
-                let job = Total {
-                    rows,
-                    out: &mut out,
-                };
-                Simd::vectorize(v4, With(job, v4));
-                all.push(out);
-            }
-        }
-        all
     }
 
     #[test]
@@ -356,33 +348,40 @@ mod tests {
                 .flat_map(|(row, two)| [0, 1].map(|k| i64::from(row.0[i][k]) * i64::from(two[k])));
             terms.sum::<i64>() as f32
         });
-        for sums in all_ways(&rows) {
+        let out = RefCell::new(Vec::new());
+        each_way(Total {
+            rows: &rows,
+            out: &out,
+        });
+        let all = out.into_inner();
+        assert!(!all.is_empty());
+        for sums in all {
             assert_eq!(sums, exact);
         }
     }
 
     /// A square, turned.
-    struct Turn<'a>(&'a mut Square);
+    #[derive(Clone, Copy)]
+    struct Turn<'a>(&'a Square, &'a RefCell<Vec<Square>>);
 
     impl Job for Turn<'_> {
         #[inline(always)]
         fn run<S: Simd, M: Sums>(self, _: S, sums: M) {
-            *self.0 = sums.turned(*self.0);
+            self.1.borrow_mut().push(sums.turned(*self.0));
         }
     }
 
     #[test]
     fn a_turned_square_has_columns_for_rows() {
         let rows: Square = std::array::from_fn(|i| std::array::from_fn(|j| (8 * i + j) as f32));
-        let mut turned = rows;
-        fastest(Turn(&mut turned));
-        assert_eq!(turned, Plain.turned(rows));
-        assert_eq!(turned[2][5], rows[5][2]);
-        #[cfg(target_arch = "x86_64")]
-        if let Some(v3) = pulp::x86::V3::try_new() {
-            let mut turned = rows;
-            Simd::vectorize(v3, With(Turn(&mut turned), v3));
+        let out = RefCell::new(Vec::new());
+        fastest(Turn(&rows, &out));
+        each_way(Turn(&rows, &out));
+        let all = out.into_inner();
+        assert!(all.len() > 1);
+        for turned in all {
             assert_eq!(turned, Plain.turned(rows));
+            assert_eq!(turned[2][5], rows[5][2]);
         }
     }
 
