@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec2, DVec3};
 use muslin_body::{Avatar, ExportRig, Figure, Part as Of, Shape, motions};
-use muslin_geom::{Bake, Baked, Mesh, Part};
+use muslin_geom::{Bake, Baked, Mesh, Part, self_intersections};
 use muslin_io::{Clip, Moved, Node, Scene, Skinned, moving_glb, read_clip};
 
 struct Stage {
@@ -166,6 +166,54 @@ fn cloth_and_body_come_back_from_any_motion() {
         assert!(cloth < 6e-5, "{name}: cloth is off by {cloth} m");
         assert!(body < 1.2e-5, "{name}: the body is off by {body} m");
     }
+}
+
+#[test]
+fn cloth_that_lies_close_is_not_rounded_through_itself() {
+    // Two sheets a metre wide, a millionth of a metre apart in the second frame alone.
+    let n = 24;
+    let sheet = |shift: f64, gap: f64| {
+        let at = move |k: usize| {
+            let x = (k % n) as f64 / (n - 1) as f64 + shift;
+            let z = (k / n) as f64 / (n - 1) as f64 + 0.3 * shift;
+            DVec3::new(x, 0.11 * x + 0.07 * z + gap, z)
+        };
+        (0..n * n).map(at)
+    };
+    let frame = |gap: f64| sheet(0.0, 0.0).chain(sheet(0.013, gap)).collect();
+    let quads = (0..2 * n * n).filter(|k| k % n < n - 1 && k % (n * n) < n * (n - 1));
+    let faces = quads.flat_map(|k| [[k, k + n, k + 1], [k + 1, k + n, k + n + 1]]);
+    let mut clip = Clip::default();
+    clip.drape.frames = [0.01, 1e-6, 0.01].map(frame).to_vec();
+    clip.drape.fps = 30.0;
+    clip.drape.faces = faces.map(|f| f.map(|i| i as u32)).collect();
+    let crossings = |verts: &[DVec3]| {
+        let (verts, faces) = (verts.to_vec(), clip.drape.faces.clone());
+        self_intersections(&Mesh { verts, faces }).len()
+    };
+    assert_eq!(crossings(&clip.drape.frames[1]), 0);
+    let cloth = Moved {
+        node: Node {
+            mesh: Mesh {
+                verts: clip.drape.frames[0].clone(),
+                faces: clip.drape.faces.clone(),
+            },
+            ..Node::default()
+        },
+        source: (0..2 * (n * n) as u32).collect(),
+        baked: None,
+    };
+    let bytes = moving_glb(&Scene::default(), &clip, None, &[cloth]).expect("a sound clip");
+    let read = back(&bytes, "close");
+    let off = |t: usize| farthest(&read.drape.frames[t..=t], &clip.drape.frames[t..=t]);
+    assert_eq!(crossings(&read.drape.frames[1]), 0);
+    assert!(off(1) < 3e-7, "in single floats: {}", off(1));
+    assert!(off(2) > 3e-6, "in cells: {}", off(2));
+    // Off by as much as what is in cells, it would cross.
+    let off = read.drape.frames[2].iter().zip(&clip.drape.frames[2]);
+    let off = off.map(|(a, b)| *a - *b);
+    let close = clip.drape.frames[1].iter().zip(off).map(|(x, r)| *x + r);
+    assert!(crossings(&close.collect::<Vec<_>>()) > 0);
 }
 
 #[test]

@@ -3,14 +3,16 @@
 //! Every viewer plays it and every editor opens it. A garment's node follows the cloth as a whole
 //! (its middle, and the turn that fits it best), so that the targets hold only what is left:
 //! 16-bit positions (a step of a hundredth of a millimetre or two) and 8-bit normals, 12 bytes a
-//! vertex and frame. Between frames a viewer blends linearly. Frame 0 is the mesh itself.
+//! vertex and frame. Between frames a viewer blends linearly. Frame 0 is the mesh itself. A frame whose
+//! cloth lies so close that rounding it would bring it through itself is in single floats.
 //!
 //! The body is skinned with four bones a vertex at most. Where the given frames differ from that,
 //! as where flesh gave way to cloth, sparse targets carry the difference.
 
 use glam::{DAffine3, DQuat, DVec3, DVec4};
 use muslin_body::{Rig, blended};
-use muslin_geom::Baked;
+use muslin_geom::{Baked, Mesh, self_intersections};
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use super::baked::shorts;
@@ -124,6 +126,31 @@ fn goes(baked: &Baked, part: &Clip) -> Result<(), IoError> {
     }
 }
 
+/// Frames in which cells bring cloth through cloth that it has not passed. The first is the mesh, which has no
+/// other form.
+fn tight(clip: &Clip, tracks: &[Track]) -> Vec<bool> {
+    let parts = clip.garments();
+    let crossings = |verts: Vec<DVec3>| {
+        let faces = clip.drape.faces.clone();
+        self_intersections(&Mesh { verts, faces }).len()
+    };
+    let one = |t: usize| {
+        let stored = parts.iter().zip(tracks).flat_map(|((_, part), track)| {
+            let x = part.drape.frames[t].iter();
+            x.map(move |x| track.stored(t, *x))
+        });
+        let after = crossings(stored.collect());
+        after > 0 && crossings(clip.drape.frames[t].clone()) < after
+    };
+    let frames = 0..clip.drape.frames.len();
+    frames.into_par_iter().map(|t| t > 0 && one(t)).collect()
+}
+
+/// Cells in full.
+fn whole(cell: [i16; 3]) -> DVec3 {
+    DVec3::from_array(cell.map(f64::from))
+}
+
 /// A file in the making.
 pub(super) struct Film {
     pub bin: Bin,
@@ -214,22 +241,28 @@ impl Film {
             let what = "one node a garment is needed";
             return Err(Fault::new("bad-scene", "the scene to write", what).invalid());
         }
-        for (moved, (_, part)) in garments.iter().zip(&parts) {
+        let track = |part: &(String, Clip)| Track::of(&part.1.drape.frames);
+        let tracks: Vec<Track> = parts.iter().map(track).collect();
+        let tight = match garments.iter().all(|g| g.baked.is_none()) {
+            true => tight(clip, &tracks),
+            false => vec![false; self.n_frames],
+        };
+        for ((moved, (_, part)), track) in garments.iter().zip(&parts).zip(&tracks) {
             fits(moved, part.n_verts())?;
             match &moved.baked {
                 Some(baked) => {
                     goes(baked, part)?;
                     self.baked(moved, part, baked);
                 }
-                None => self.garment(moved, part),
+                None => self.garment(moved, part, (track, &tight)),
             }
         }
         Ok(())
     }
 
-    fn garment(&mut self, moved: &Moved, clip: &Clip) {
+    /// A garment along its track, in single floats in the frames that are tight.
+    fn garment(&mut self, moved: &Moved, clip: &Clip, (track, tight): (&Track, &[bool])) {
         let frames = &clip.drape.frames;
-        let track = Track::of(frames);
         let options = GlbOptions::default();
         let mut node = moved.node.clone();
         node.mesh.verts = moved
@@ -260,17 +293,29 @@ impl Film {
         primitive["attributes"]["_SOURCE"] = self.sources(&moved.source);
         let targets: Vec<Value> = (1..self.n_frames)
             .map(|t| {
-                let moves: Vec<[i16; 3]> = cells(t)
-                    .iter()
-                    .zip(&base)
-                    .map(|(a, b)| std::array::from_fn(|k| a[k] - b[k]))
-                    .collect();
+                let moves = match tight[t] {
+                    true => {
+                        let exact = |(&i, b): (&u32, &[i16; 3])| {
+                            track.in_cells(t, frames[t][i as usize]) - whole(*b)
+                        };
+                        let moves: Vec<DVec3> = moved.source.iter().zip(&base).map(exact).collect();
+                        self.bin.positions(&moves)
+                    }
+                    false => {
+                        let moves: Vec<[i16; 3]> = cells(t)
+                            .iter()
+                            .zip(&base)
+                            .map(|(a, b)| std::array::from_fn(|k| a[k] - b[k]))
+                            .collect();
+                        self.bin.cells(&moves, true)
+                    }
+                };
                 let bends: Vec<[i8; 3]> = normals(t)
                     .iter()
                     .zip(&node.normals)
                     .map(|(n, b)| bend(*n, *b))
                     .collect();
-                json!({ "POSITION": self.bin.cells(&moves, true), "NORMAL": self.bin.bytes(&bends) })
+                json!({ "POSITION": moves, "NORMAL": self.bin.bytes(&bends) })
             })
             .collect();
         let mut extras = json!({});

@@ -56,9 +56,20 @@ impl Track {
         self.turns[t].inverse() * (x - self.middles[t])
     }
 
+    /// The same in cells, unrounded.
+    pub fn in_cells(&self, t: usize, x: DVec3) -> DVec3 {
+        self.local(t, x) / f64::from(self.step)
+    }
+
     /// The same in cells.
     pub fn cell(&self, t: usize, x: DVec3) -> [i16; 3] {
-        let cells = self.local(t, x) / f64::from(self.step);
+        let cells = self.in_cells(t, x);
         cells.to_array().map(|c| c.round() as i16)
+    }
+
+    /// Where the cell of a point is [m].
+    pub fn stored(&self, t: usize, x: DVec3) -> DVec3 {
+        let cell = DVec3::from_array(self.cell(t, x).map(f64::from));
+        self.middles[t] + self.turns[t] * (cell * f64::from(self.step))
     }
 }
