@@ -70,9 +70,9 @@ struct Limb {
     /// Skin vertices, and the room that they must keep [m].
     skin: Vec<u32>,
     room: f64,
-    /// Triangles of the rest of the body, and whether they end where it was cut: there, inside
-    /// and outside cannot be told.
-    others: Vec<[u32; 3]>,
+    /// The rest of the body, ready to be moved into poses, and whether its triangles end where it
+    /// was cut: there, inside and outside cannot be told.
+    others: Surface,
     at_cut: Vec<bool>,
     /// Which way out, seen by the bone it hangs on; none: whichever is nearest.
     out: Option<DVec3>,
@@ -94,7 +94,7 @@ impl Limb {
             pivot,
             skin: skin.map(|i| i as u32).collect(),
             room,
-            others,
+            others: Surface::new(&avatar.mean()[avatar.part(Part::Body)], &others),
             at_cut,
             out,
         }
@@ -139,7 +139,8 @@ impl Limb {
     /// What the skin vertex with the least room lacks of it [m], where it is [m], and the way out;
     /// none if all have room. Looks at every `stride`th vertex.
     fn worst(&self, skin: &[DVec3], stride: usize) -> Option<(f64, DVec3, DVec3)> {
-        let others = Surface::new(skin, &self.others);
+        let mut others = self.others.clone();
+        others.refit(skin);
         let lack = |&i: &u32| {
             let p = skin[i as usize];
             let hit = others.closest(p, FAR)?;

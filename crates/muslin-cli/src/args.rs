@@ -464,7 +464,10 @@ pub struct Bench {
     /// The fabric in the garments figures, where it is another than the models were taught in.
     #[arg(long)]
     pub fabric: Option<String>,
-    /// The body in the garments figures, where it is another.
+    /// Who wears it in the garments figures: our own body, or the character that the models were taught on.
+    #[arg(long, value_name = "anny|FILE", default_value = OWN)]
+    pub body: PathBuf,
+    /// Our own body in the garments figures, where it is another.
     #[command(flatten)]
     pub build: Build,
     /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this, or parts of the garments figures
@@ -582,6 +585,7 @@ impl Bench {
             cases: self.cases.unwrap_or(9),
             worn: DressOptions {
                 outfit: vec![worn],
+                body: character(&self.body),
                 ..self.build.of(DressOptions::default())
             },
             only: self.only.clone(),

@@ -79,7 +79,7 @@ impl Default for Plan {
             hidden: vec![128, 128],
             steps: 1500,
             packs: 2,
-            rate: 1e-3,
+            rate: 3e-3,
             shape_rate: 0.1,
             momentum: 0.8,
             damping: 0.03,

@@ -118,7 +118,7 @@ fn knows(model: &Model, options: &AnimateOptions) -> Result<(), Failure> {
 }
 
 /// Refuses a model that was taught on a character without that character.
-fn wants_character(model: &Model, hero: Option<&Hero>) -> Result<(), Failure> {
+pub(crate) fn wants_character(model: &Model, hero: Option<&Hero>) -> Result<(), Failure> {
     let taught = model.notes.get("body").map_or(OURS, String::as_str);
     if hero.is_some() || taught == OURS {
         return Ok(());

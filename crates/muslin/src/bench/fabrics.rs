@@ -4,11 +4,10 @@ use std::path::Path;
 use std::slice;
 
 use glam::DVec3;
-use muslin_body::Avatar;
 use muslin_garment::Opening;
 use muslin_model::Model;
 
-use super::garments::{REFINE, set};
+use super::garments::{REFINE, Wearer, set};
 use super::swing::{FINER, FPS, simulated};
 use crate::animate::{along, predict};
 use crate::failure::Failure;
@@ -32,20 +31,14 @@ pub(super) fn knows_any(model: &Model) -> bool {
 
 /// Adds a row for each fabric, if the garment hangs freely down to a hem, and says how many.
 pub(super) fn rows(
-    (avatar, model): (&Avatar, &Model),
+    (who, model): (Wearer, &Model),
     (worn, name): (&DressOptions, &str),
     table: &mut Table,
 ) -> Result<String, Failure> {
     for (k, fabric) in FABRICS.into_iter().enumerate() {
         let mut worn = worn.clone();
         worn.outfit[0].fabric = Some(fabric.into());
-        let at = |fps: f64| {
-            set(
-                (avatar, model),
-                (Path::new(SPIN.0), fps, &worn),
-                Some(SPIN.1),
-            )
-        };
+        let at = |fps: f64| set((who, model), (Path::new(SPIN.0), fps, &worn), Some(SPIN.1));
         let here = at(FPS)?;
         let garment = &here.outfit.pieces[0].garment;
         let hem = garment.rims.iter().find(|r| r.opening == Opening::Hem);
@@ -53,7 +46,7 @@ pub(super) fn rows(
             return Ok("no hem that hangs freely".into());
         };
         let told = here.told(0, model.clone())?;
-        let model = swings::swinging(told, (avatar, &here.figure), &here.cloth)?;
+        let model = swings::swinging(told, (here.avatar, &here.figure), &here.cloth)?;
         let raw = predict((&here, slice::from_ref(&model)), (1.0, usize::MAX))?.frames;
         let led = along((&here, REFINE, 1.0), (0, &raw, None), &mut Watch::nobody())?;
         let led: Vec<Vec<DVec3>> = led.into_iter().map(|s| s.cloth).collect();

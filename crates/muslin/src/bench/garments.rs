@@ -14,11 +14,13 @@ use rayon::prelude::*;
 
 use super::clock::{least_of, load};
 use super::{fabrics, needed, swing};
-use crate::animate::{along, as_trained, fits, model_failure, predict, read_model, refined};
-use crate::dress::asked_shape;
+use crate::animate::{
+    along, as_trained, fits, model_failure, predict, read_model, refined, wants_character,
+};
+use crate::dress::asked_figure;
 use crate::evaluate::evaluate;
 use crate::failure::{Exit, Failure};
-use crate::figure::body_failure;
+use crate::hero::{Hero, avatar_of};
 use crate::options::DressOptions;
 use crate::outfit::Outfit;
 use crate::simulate::SimulateOptions;
@@ -87,6 +89,9 @@ impl Tier {
         }
     }
 }
+
+/// Who wears it: our own body, or the likeness of a character.
+pub(super) type Wearer<'a> = (&'a Avatar, Option<&'a Hero>);
 
 /// A model that is measured.
 struct Subject {
@@ -206,7 +211,12 @@ pub fn garments(
     }
     let subjects = trials.models.iter().map(|p| Subject::new(p));
     let subjects = subjects.collect::<Result<Vec<_>, _>>()?;
-    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let hero = Hero::load(&trials.worn)?;
+    let avatar = &avatar_of(hero.as_ref())?;
+    let who: Wearer = (avatar, hero.as_ref());
+    for subject in &subjects {
+        wants_character(&subject.model, who.1)?;
+    }
     let parts = parts(&subjects, &trials.only);
     if parts.is_empty() {
         let fault = Failure::new(
@@ -225,13 +235,13 @@ pub fn garments(
     let n = trials.cases.div_ceil(HELD_OUT.len());
     for (done, (name, subject, kind)) in parts.iter().enumerate() {
         watch.progress(name);
-        let (of, own) = ((&avatar, &subject.model), subject.name());
+        let (of, own) = ((who, &subject.model), subject.name());
         let told = match kind {
             Kind::Rest(clip) => {
                 let names = [clip_name(clip), own];
                 let names = names.each_ref().map(String::as_str);
                 at_rest(
-                    (&avatar, subject),
+                    (who, subject),
                     (&data.join(clip), worn, names),
                     n,
                     &mut rest,
@@ -302,7 +312,7 @@ fn clip_name(clip: &str) -> String {
 
 /// Adds the rows of a clip: `n` frames of it, each as if the body stood still in it; returns them in short.
 fn at_rest(
-    (avatar, subject): (&Avatar, &Subject),
+    (who, subject): (Wearer, &Subject),
     (clip, worn, names): (&Path, &DressOptions, [&str; 2]),
     n: usize,
     table: &mut Table,
@@ -313,7 +323,7 @@ fn at_rest(
         ..subject.model.clone()
     };
     let (fps, every) = subject.rate();
-    let set = set((avatar, model), (clip, fps, worn), None)?;
+    let set = set((who, model), (clip, fps, worn), None)?;
     let model = &set.told(0, model.clone())?;
     let raw = predict((&set, slice::from_ref(model)), (1.0, every))?;
     let plain = Model {
@@ -378,7 +388,7 @@ const TIERS: [&str; 4] = ["skinned", "network", "refined", "minimiser"];
 
 /// A model's garment and body on a clip, or on its first seconds.
 pub(super) fn set<'a>(
-    (avatar, model): (&'a Avatar, &Model),
+    ((avatar, hero), model): (Wearer<'a>, &Model),
     (clip, fps, worn): (&Path, f64, &DressOptions),
     seconds: Option<f64>,
 ) -> Result<Set<'a>, Failure> {
@@ -390,22 +400,24 @@ pub(super) fn set<'a>(
         ..SimulateOptions::default()
     };
     let options = as_trained(slice::from_ref(model), &options)?;
-    let shape = asked_shape(avatar, &options.dress)?;
-    let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
-    let moving = motion::load((avatar, None), &figure, &options)?;
-    let outfit = Outfit::make(avatar, &options.dress, |_| {})?;
-    let outfit = outfit.sized((avatar, &shape), &options.dress)?;
-    let set = Set::new(avatar, figure, moving, outfit)?;
+    let (figure, ..) = asked_figure(avatar, &options.dress)?;
+    let moving = motion::load((avatar, hero), &figure, &options)?;
+    let tailor = hero.map_or(avatar, |h| &h.base);
+    let outfit = Outfit::make(tailor, &options.dress, |_| {})?;
+    let outfit = outfit.sized_as_asked(avatar, &options.dress)?;
+    let mut set = Set::new(avatar, figure, moving, outfit)?;
+    set.hero = hero;
     fits(model, &set.outfit.pieces[0].garment)?;
     Ok(set)
 }
 
 /// Frames a second of the network alone, swings included, one frame after the other.
 fn speed(
-    (avatar, model): (&Avatar, &Model),
+    (who, model): (Wearer, &Model),
     (clip, worn): (&Path, &DressOptions),
 ) -> Result<String, Failure> {
-    let set = &set((avatar, model), (clip, 30.0, worn), Some(0.1))?;
+    let avatar = who.0;
+    let set = &set((who, model), (clip, 30.0, worn), Some(0.1))?;
     let mut model = set.told(0, model.clone())?;
     if swings::are_ours(&model) {
         model = swings::swinging(model, (avatar, &set.figure), &set.cloth)?;
@@ -430,13 +442,34 @@ fn speed(
         player.frames_with_normals(&poses, (&mut out, &mut normals));
     });
     Ok(format!(
-        "network, swings, shapes and skinning on one core: {:.0} frames a second, 32 together {:.0}; with normals {:.0} and {:.0}; with the posed bones but no normals {:.0}",
+        "network, swings, shapes and skinning on one core: {:.0} frames a second, 32 together {:.0}; with normals {:.0} and {:.0}; with the posed bones but no normals {:.0}; refined by {REFINE} on all cores {:.1}",
         1e3 / network.wall,
         32e3 / together.wall,
         1e3 / turned.wall,
         32e3 / turned_together.wall,
-        1e3 / with_bones.wall
+        1e3 / with_bones.wall,
+        refined_rate((who, model), (clip, worn))?
     ))
+}
+
+/// Frames a second of the refined tier, as it is delivered one after the other; what leads to the first is left out.
+fn refined_rate(
+    (who, model): (Wearer, &Model),
+    (clip, worn): (&Path, &DressOptions),
+) -> Result<f64, Failure> {
+    let set = &set((who, model), (clip, 30.0, worn), Some(1.0))?;
+    let raw = predict((set, slice::from_ref(model)), (1.0, usize::MAX))?.frames;
+    let inertia = f64::from(u8::from(swings::are_ours(model)));
+    let lead = |n: usize| {
+        along(
+            (set, REFINE, inertia),
+            (0, &raw[..n], None),
+            &mut Watch::nobody(),
+        )
+    };
+    lead(1)?;
+    let [first, all] = [1, raw.len()].map(|n| least_of(2, || lead(n)).wall);
+    Ok(1e3 * (raw.len() - 1) as f64 / (all - first))
 }
 
 fn crossings(faces: &[[u32; 3]], x: &[DVec3]) -> usize {

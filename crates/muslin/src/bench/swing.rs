@@ -5,11 +5,10 @@ use std::path::Path;
 use std::slice;
 
 use glam::{DMat3, DVec3};
-use muslin_body::Avatar;
 use muslin_model::{Model, Skin};
 use muslin_sim::{Options, SimError, simulate};
 
-use super::garments::{REFINE, set};
+use super::garments::{REFINE, Wearer, set};
 use crate::animate::{along, predict};
 use crate::failure::{Exit, Failure};
 use crate::options::DressOptions;
@@ -30,14 +29,14 @@ pub(super) const FINER: usize = 2;
 /// still in each pose, in the frame of the bones it follows; what never changes (a fold that lies
 /// elsewhere) does not count.
 pub(super) fn rows(
-    (avatar, model): (&Avatar, &Model),
+    (who, model): (Wearer, &Model),
     (clip, worn, names): (&Path, &DressOptions, [&str; 2]),
     table: &mut Table,
 ) -> Result<String, Failure> {
-    let set_at = |fps: f64| set((avatar, model), (clip, fps, worn), Some(SECONDS));
+    let set_at = |fps: f64| set((who, model), (clip, fps, worn), Some(SECONDS));
     let here = set_at(FPS)?;
     let told = here.told(0, model.clone())?;
-    let swinging = swings::swinging(told, (avatar, &here.figure), &here.cloth)?;
+    let swinging = swings::swinging(told, (here.avatar, &here.figure), &here.cloth)?;
     let still = predict((&here, slice::from_ref(&swinging)), (0.0, usize::MAX))?.frames;
     let raw = predict((&here, slice::from_ref(&swinging)), (1.0, usize::MAX))?.frames;
     let refined = along((&here, REFINE, 1.0), (0, &raw, None), &mut Watch::nobody())?;
