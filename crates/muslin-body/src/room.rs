@@ -139,8 +139,7 @@ impl Limb {
     /// What the skin vertex with the least room lacks of it [m], where it is [m], and the way out;
     /// none if all have room. Looks at every `stride`th vertex.
     fn worst(&self, skin: &[DVec3], stride: usize) -> Option<(f64, DVec3, DVec3)> {
-        let mut others = self.others.clone();
-        others.refit(skin);
+        let others = self.others.moved(skin);
         let lack = |&i: &u32| {
             let p = skin[i as usize];
             let hit = others.closest(p, FAR)?;

@@ -155,6 +155,13 @@ impl Surface {
         }
     }
 
+    /// The surface at other positions [m] of the same vertices: its tree keeps its shape.
+    pub fn moved(&self, verts: &[DVec3]) -> Surface {
+        let mut moved = self.clone();
+        moved.refit(verts);
+        moved
+    }
+
     /// Moves the surface to new positions [m] of the same vertices.
     pub fn refit(&mut self, verts: &[DVec3]) {
         self.verts.clear();
@@ -482,9 +489,9 @@ mod tests {
     #[test]
     fn a_refitted_surface_is_where_it_was_moved_to() {
         let mesh = sphere(10, 16);
-        let mut surface = Surface::new(&mesh.verts, &mesh.faces);
+        let surface = Surface::new(&mesh.verts, &mesh.faces);
         let moved: Vec<DVec3> = mesh.verts.iter().map(|p| *p * 2.0 + DVec3::X).collect();
-        surface.refit(&moved);
+        let surface = surface.moved(&moved);
         let hit = surface.closest(DVec3::X, 9.0).expect("near");
         assert!((-2.0..-1.9).contains(&hit.signed), "{}", hit.signed);
     }

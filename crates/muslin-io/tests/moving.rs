@@ -129,6 +129,21 @@ impl Stage {
     }
 }
 
+/// All cloth of a clip as one garment without looks.
+fn alone(clip: &Clip) -> Moved {
+    Moved {
+        node: Node {
+            mesh: Mesh {
+                verts: clip.drape.frames[0].clone(),
+                faces: clip.drape.faces.clone(),
+            },
+            ..Node::default()
+        },
+        source: (0..clip.n_verts() as u32).collect(),
+        baked: None,
+    }
+}
+
 fn farthest(a: &[Vec<DVec3>], b: &[Vec<DVec3>]) -> f64 {
     assert_eq!(a.len(), b.len());
     let pairs = a.iter().flatten().zip(b.iter().flatten());
@@ -192,18 +207,7 @@ fn cloth_that_lies_close_is_not_rounded_through_itself() {
         self_intersections(&Mesh { verts, faces }).len()
     };
     assert_eq!(crossings(&clip.drape.frames[1]), 0);
-    let cloth = Moved {
-        node: Node {
-            mesh: Mesh {
-                verts: clip.drape.frames[0].clone(),
-                faces: clip.drape.faces.clone(),
-            },
-            ..Node::default()
-        },
-        source: (0..2 * (n * n) as u32).collect(),
-        baked: None,
-    };
-    let bytes = moving_glb(&Scene::default(), &clip, None, &[cloth]).expect("a sound clip");
+    let bytes = moving_glb(&Scene::default(), &clip, None, &[alone(&clip)]).expect("a sound clip");
     let read = back(&bytes, "close");
     let off = |t: usize| farthest(&read.drape.frames[t..=t], &clip.drape.frames[t..=t]);
     assert_eq!(crossings(&read.drape.frames[1]), 0);
@@ -275,17 +279,7 @@ fn a_still_is_one_frame_and_the_rate_is_kept() {
 fn what_does_not_go_together_or_is_not_finite_is_not_written() {
     let stage = Stage::new();
     let (mut clip, _) = stage.clip("wave", 2);
-    let moved = Moved {
-        node: Node {
-            mesh: Mesh {
-                verts: clip.drape.frames[0].clone(),
-                faces: clip.drape.faces.clone(),
-            },
-            ..Node::default()
-        },
-        source: (0..clip.n_verts() as u32).collect(),
-        baked: None,
-    };
+    let moved = alone(&clip);
     let write = |clip: &Clip, moved: &Moved| {
         moving_glb(&Scene::default(), clip, None, std::slice::from_ref(moved))
     };

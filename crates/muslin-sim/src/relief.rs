@@ -215,13 +215,11 @@ struct Need {
 
 impl<'a> Fold<'a> {
     fn new(flesh: &'a Flesh, posed: &'a Frame) -> Fold<'a> {
-        let mut now = flesh.rest.clone();
-        now.refit(&posed.skin);
         Fold {
             flesh,
             cores: &posed.cores,
             drawn: vec![0.0; posed.skin.len()],
-            now,
+            now: flesh.rest.moved(&posed.skin),
         }
     }
 

@@ -183,8 +183,7 @@ impl<'a> Skinned<'a> {
 
     fn closest(&self, skin: &Posed, x: &[DVec3]) -> Vec<Option<Closest>> {
         let verts: Vec<DVec3> = skin.verts.iter().map(|p| p.as_dvec3()).collect();
-        let mut surface = self.flesh.rest().clone();
-        surface.refit(&verts);
+        let surface = self.flesh.rest().moved(&verts);
         let mut hint = 0;
         let one = |x: &DVec3| {
             let hit = surface.closest_near(*x, REACH, hint)?;

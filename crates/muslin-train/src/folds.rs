@@ -42,8 +42,7 @@ impl Folds {
     /// The walls of the vertices that meet another part of the cloth at `x` [m], for a law that
     /// pushes below a gap of `radius` [m].
     pub fn find(&self, x: &[DVec3], radius: f64) -> Vec<(u32, Wall)> {
-        let mut surface = self.surface.clone();
-        surface.refit(x);
+        let surface = self.surface.moved(x);
         let one = |v: usize| self.meets(&surface, v, radius).map(|w| (v as u32, w));
         (0..x.len()).filter_map(one).collect()
     }

@@ -296,9 +296,8 @@ impl<'a> Theatre<'a, '_> {
         self.done(2, "motion", told)?;
         self.warn(models.iter().find_map(|m| other_rate(m, simulate.fps)));
         let mut warnings = Vec::new();
-        let tailor = self.hero.map_or(avatar, |h| &h.base);
-        let outfit = Outfit::make(tailor, &simulate.dress, |w| warnings.push(w.to_owned()))?;
-        let outfit = outfit.sized_as_asked(avatar, &simulate.dress)?;
+        let note = |w: &str| warnings.push(w.to_owned());
+        let outfit = Outfit::make_for((avatar, self.hero), &simulate.dress, note)?;
         self.warn(warnings);
         self.report.set("outfit", tell::outfit(&outfit));
         tell::size(&mut self.report, &outfit);

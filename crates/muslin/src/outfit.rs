@@ -12,6 +12,7 @@ use crate::dress::asked_shape;
 use crate::fabric;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
+use crate::hero::Hero;
 use crate::options::{DressOptions, Wear};
 use crate::size::CutFor;
 
@@ -211,15 +212,17 @@ impl Outfit {
         })
     }
 
-    /// The same in the size that the options ask for, if they do, for the wearer that they ask for.
-    pub(crate) fn sized_as_asked(
-        self,
-        avatar: &Avatar,
+    /// As [`Outfit::make`], in the size that the options ask for, if they do, for the wearer that they ask
+    /// for: our own body, or the character in whose likeness `avatar` is, for whom clothes are cut on ours.
+    pub(crate) fn make_for(
+        (avatar, hero): (&Avatar, Option<&Hero>),
         options: &DressOptions,
+        warn: impl FnMut(&str),
     ) -> Result<Self, Failure> {
+        let outfit = Self::make(hero.map_or(avatar, |h| &h.base), options, warn)?;
         match options.size {
-            None => Ok(self),
-            Some(_) => self.sized((avatar, &asked_shape(avatar, options)?), options),
+            None => Ok(outfit),
+            Some(_) => outfit.sized((avatar, &asked_shape(avatar, options)?), options),
         }
     }
 

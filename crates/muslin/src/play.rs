@@ -63,8 +63,7 @@ impl Playing {
         dress.check()?;
         let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
         let figure = standing(&avatar, None, &dress)?.figure;
-        let outfit = Outfit::make(&avatar, &dress, |_| {})?;
-        let outfit = outfit.sized_as_asked(&avatar, &dress)?;
+        let outfit = Outfit::make_for((&avatar, None), &dress, |_| {})?;
         let (_, stood) = avatar.dressing(&figure);
         let worn = put_on(&avatar, &outfit, &stood)?;
         let cloth = cloth(&outfit, &worn);

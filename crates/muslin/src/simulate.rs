@@ -125,9 +125,8 @@ impl Run<'_, '_> {
         moving: Moving,
     ) -> Result<Set<'a>, Failure> {
         let mut warnings = Vec::new();
-        let tailor = hero.map_or(avatar, |h| &h.base);
-        let outfit = Outfit::make(tailor, &self.options.dress, |w| warnings.push(w.to_owned()))?;
-        let outfit = outfit.sized_as_asked(avatar, &self.options.dress)?;
+        let note = |w: &str| warnings.push(w.to_owned());
+        let outfit = Outfit::make_for((avatar, hero), &self.options.dress, note)?;
         self.warn(warnings);
         self.report.set("outfit", tell::outfit(&outfit));
         tell::size(&mut self.report, &outfit);

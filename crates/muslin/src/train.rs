@@ -124,10 +124,8 @@ impl School<'_, '_> {
 
     fn garment(&mut self, avatar: &Avatar, figure: &Figure) -> Result<Class, Failure> {
         let mut warnings = Vec::new();
-        let tailor = self.hero.map_or(avatar, |h| &h.base);
-        let dress = &self.options.dress;
-        let outfit = Outfit::make(tailor, dress, |w| warnings.push(w.to_owned()))?;
-        let outfit = outfit.sized_as_asked(avatar, dress)?;
+        let note = |w: &str| warnings.push(w.to_owned());
+        let outfit = Outfit::make_for((avatar, self.hero), &self.options.dress, note)?;
         warnings.iter().for_each(|w| self.watch.warn(w));
         let mut class = Class::new((avatar, figure), &outfit, self.options)?;
         if let Some(path) = &self.options.from {

@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use super::baked::shorts;
 use super::bin::Bin;
 use super::json::Root;
-use super::track::Track;
+use super::track::{Track, whole};
 use super::{GlbOptions, container};
 use crate::clip::Clip;
 use crate::error::{Fault, IoError, Place};
@@ -128,8 +128,7 @@ fn goes(baked: &Baked, part: &Clip) -> Result<(), IoError> {
 
 /// Frames in which cells bring cloth through cloth that it has not passed. The first is the mesh, which has no
 /// other form.
-fn tight(clip: &Clip, tracks: &[Track]) -> Vec<bool> {
-    let parts = clip.garments();
+fn tight(clip: &Clip, parts: &[(String, Clip)], tracks: &[&Track]) -> Vec<bool> {
     let crossings = |verts: Vec<DVec3>| {
         let faces = clip.drape.faces.clone();
         self_intersections(&Mesh { verts, faces }).len()
@@ -146,9 +145,26 @@ fn tight(clip: &Clip, tracks: &[Track]) -> Vec<bool> {
     frames.into_par_iter().map(|t| t > 0 && one(t)).collect()
 }
 
-/// Cells in full.
-fn whole(cell: [i16; 3]) -> DVec3 {
-    DVec3::from_array(cell.map(f64::from))
+/// How a garment moves in the file.
+enum Way<'a> {
+    Baked(&'a Baked),
+    Tracked(Track),
+}
+
+impl<'a> Way<'a> {
+    fn of(moved: &'a Moved, part: &Clip) -> Self {
+        match &moved.baked {
+            Some(baked) => Self::Baked(baked),
+            None => Self::Tracked(Track::of(&part.drape.frames)),
+        }
+    }
+
+    fn track(&self) -> Option<&Track> {
+        match self {
+            Self::Baked(_) => None,
+            Self::Tracked(track) => Some(track),
+        }
+    }
 }
 
 /// A file in the making.
@@ -241,20 +257,21 @@ impl Film {
             let what = "one node a garment is needed";
             return Err(Fault::new("bad-scene", "the scene to write", what).invalid());
         }
-        let track = |part: &(String, Clip)| Track::of(&part.1.drape.frames);
-        let tracks: Vec<Track> = parts.iter().map(track).collect();
-        let tight = match garments.iter().all(|g| g.baked.is_none()) {
-            true => tight(clip, &tracks),
-            false => vec![false; self.n_frames],
+        let ways = garments.iter().zip(&parts);
+        let ways: Vec<Way> = ways.map(|(moved, part)| Way::of(moved, &part.1)).collect();
+        let tracks: Option<Vec<&Track>> = ways.iter().map(Way::track).collect();
+        let tight = match tracks {
+            Some(tracks) => tight(clip, &parts, &tracks),
+            None => vec![false; self.n_frames],
         };
-        for ((moved, (_, part)), track) in garments.iter().zip(&parts).zip(&tracks) {
+        for ((moved, (_, part)), way) in garments.iter().zip(&parts).zip(&ways) {
             fits(moved, part.n_verts())?;
-            match &moved.baked {
-                Some(baked) => {
+            match way {
+                Way::Baked(baked) => {
                     goes(baked, part)?;
                     self.baked(moved, part, baked);
                 }
-                None => self.garment(moved, part, (track, &tight)),
+                Way::Tracked(track) => self.garment(moved, part, (track, &tight)),
             }
         }
         Ok(())

@@ -69,7 +69,11 @@ impl Track {
 
     /// Where the cell of a point is [m].
     pub fn stored(&self, t: usize, x: DVec3) -> DVec3 {
-        let cell = DVec3::from_array(self.cell(t, x).map(f64::from));
-        self.middles[t] + self.turns[t] * (cell * f64::from(self.step))
+        self.middles[t] + self.turns[t] * (whole(self.cell(t, x)) * f64::from(self.step))
     }
+}
+
+/// Cells in full.
+pub fn whole(cell: [i16; 3]) -> DVec3 {
+    DVec3::from_array(cell.map(f64::from))
 }

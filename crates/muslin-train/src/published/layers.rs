@@ -53,8 +53,7 @@ impl Layer {
     /// Where vertices of this garment lie nearer to the garments below than to the skin, whose `walls` are replaced
     /// then; the cloth is at `x` [m].
     pub fn lie(&self, x: &[DVec3], walls: &mut [Wall]) -> Vec<On> {
-        let mut below = self.below.clone();
-        below.refit(&x[..self.verts.start]);
+        let below = self.below.moved(&x[..self.verts.start]);
         let mut out = Vec::new();
         for v in self.verts.clone() {
             let [a, b, c, offset] = walls[v].map(f64::from);

@@ -388,7 +388,7 @@ const TIERS: [&str; 4] = ["skinned", "network", "refined", "minimiser"];
 
 /// A model's garment and body on a clip, or on its first seconds.
 pub(super) fn set<'a>(
-    ((avatar, hero), model): (Wearer<'a>, &Model),
+    (who, model): (Wearer<'a>, &Model),
     (clip, fps, worn): (&Path, f64, &DressOptions),
     seconds: Option<f64>,
 ) -> Result<Set<'a>, Failure> {
@@ -400,13 +400,11 @@ pub(super) fn set<'a>(
         ..SimulateOptions::default()
     };
     let options = as_trained(slice::from_ref(model), &options)?;
-    let (figure, ..) = asked_figure(avatar, &options.dress)?;
-    let moving = motion::load((avatar, hero), &figure, &options)?;
-    let tailor = hero.map_or(avatar, |h| &h.base);
-    let outfit = Outfit::make(tailor, &options.dress, |_| {})?;
-    let outfit = outfit.sized_as_asked(avatar, &options.dress)?;
-    let mut set = Set::new(avatar, figure, moving, outfit)?;
-    set.hero = hero;
+    let (figure, ..) = asked_figure(who.0, &options.dress)?;
+    let moving = motion::load(who, &figure, &options)?;
+    let outfit = Outfit::make_for(who, &options.dress, |_| {})?;
+    let mut set = Set::new(who.0, figure, moving, outfit)?;
+    set.hero = who.1;
     fits(model, &set.outfit.pieces[0].garment)?;
     Ok(set)
 }
