@@ -104,7 +104,7 @@ pub struct Build {
     #[arg(long)]
     pub gender: Option<f64>,
     /// What the garments' label says, whoever wears them: XS, S, M, L, XL or XXL (EN 13402-3, by the chest)
-    /// [default: made to measure].
+    /// [default: made to measure; on our own body a garment of a file has the size of its file].
     #[arg(long, value_parser = Size::parse)]
     pub size: Option<Size>,
 }

@@ -119,6 +119,64 @@ fn a_file_without_scenes_and_with_notes_of_its_own_is_dressed_as_well() {
     assert_eq!(clip.garments().len(), 1);
 }
 
+/// A tube to the knee, to be worn as a skirt.
+fn skirt(folder: &Folder) -> String {
+    let (n, rows) = (56, 26);
+    let mut text = String::new();
+    for r in 0..rows {
+        let share = f64::from(r) / f64::from(rows - 1);
+        let wide = 0.24 - 0.105 * share;
+        for k in 0..n {
+            let t = f64::from(k) / f64::from(n) * std::f64::consts::TAU;
+            let (x, z) = (1.1 * wide * t.sin(), 0.85 * wide * t.cos());
+            text += &format!("v {x} {} {z}\n", 0.5 * share);
+        }
+    }
+    for r in 0..rows - 1 {
+        for k in 0..n {
+            let at = |r: i32, k: i32| r * n + k % n + 1;
+            let (a, b, c, d) = (at(r, k), at(r, k + 1), at(r + 1, k + 1), at(r + 1, k));
+            text += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+        }
+    }
+    folder.put("skirt.obj", text.as_bytes())
+}
+
+#[test]
+fn what_a_character_wears_from_a_file_is_its_size_or_the_labels() {
+    let folder = Folder::new("hero-size");
+    let (hero, skirt) = (character(&folder), skirt(&folder));
+    let (out, npz) = (folder.at("dressed.glb"), folder.at("dressed.npz"));
+    let area = |more: &str| {
+        simulated(&format!(
+            "--body {hero} --garment {skirt} --motion walk --seconds 0.1 --npz {npz} -o {out} {more}"
+        ));
+        let clip = read_clip(Path::new(&npz)).expect("it can be read");
+        let corners = clip.corners.iter();
+        let area = corners.map(|c| 0.5 * (c[1] - c[0]).perp_dot(c[2] - c[0]).abs());
+        let report = std::fs::read_to_string(folder.at("dressed.report.json")).expect("written");
+        (area.sum::<f64>(), report)
+    };
+    let [tall, own, wide] = ["--height 210", "", "--size XXL"].map(area);
+    // Our own body in its own likeness: nearly the size of the file.
+    let cone = std::f64::consts::TAU * 0.975 * 0.1875 * 0.511;
+    assert!((0.85..1.2).contains(&(own.0 / cone)), "{} {cone}", own.0);
+    assert!(
+        (1.2..2.0).contains(&(tall.0 / own.0)),
+        "{} {}",
+        tall.0,
+        own.0
+    );
+    assert!(
+        (1.15..2.0).contains(&(wide.0 / own.0)),
+        "{} {}",
+        wide.0,
+        own.0
+    );
+    assert!(wide.1.contains("\"label\": \"XXL\""), "{}", wide.1);
+    assert!(!own.1.contains("\"label\""));
+}
+
 #[test]
 fn what_cannot_be_dressed_is_refused_in_words() {
     let folder = Folder::new("no-hero");
@@ -152,4 +210,14 @@ fn what_cannot_be_dressed_is_refused_in_words() {
     let done = muslin(&args);
     assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
     assert!(errors(&done).contains("--shape"), "{}", errors(&done));
+    let far = typed(&format!(
+        "simulate --body {} --size XS -o {out}",
+        character(&folder)
+    ));
+    assert_eq!(far.status.code(), Some(3), "{}", errors(&far));
+    assert!(
+        errors(&far).contains("this character has"),
+        "{}",
+        errors(&far)
+    );
 }

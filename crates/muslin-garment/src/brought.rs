@@ -2,7 +2,7 @@
 //!
 //! They know their own cut and how they lie around the default body. On another body they are
 //! carried along with the nearest skin and then drawn to their own shape outside of it: a size
-//! stays that size, and may be too tight.
+//! stays that size, and may be too tight, unless it is graded to another.
 
 use crate::garment::{Garment, Rim, Worn};
 use crate::recipe::{Opening, Side};
@@ -11,8 +11,8 @@ use crate::settle::Net;
 use crate::sheet::{Row, blend};
 use crate::stand::{BodyMap, Stand};
 use crate::{GarmentError, Recipe};
-use glam::DVec3;
-use muslin_body::{Avatar, Shape, Sparse};
+use glam::{DMat2, DVec2, DVec3};
+use muslin_body::{Avatar, Figure, Shape, Sparse};
 use muslin_geom::Surface;
 
 /// A garment as it lies around the default body, before it is bound to it.
@@ -114,6 +114,69 @@ impl Garment {
         };
         Garment::bring(avatar, fitted)
     }
+}
+
+impl Garment {
+    /// The same brought garment in the size of a figure: cut as much longer and wider in every place as the skin
+    /// under it is longer and wider than the default body's, whatever it was graded to before. How it lies around
+    /// the default body stays. A garment that was cut by a recipe, which fits whoever wears it, stays as it is.
+    pub fn graded(self, avatar: &Avatar, figure: &Figure) -> Result<Garment, GarmentError> {
+        let Some(brought) = self.brought else {
+            return Ok(self);
+        };
+        let base = avatar.standard()?;
+        let map = BodyMap::new(avatar, &base)?;
+        let scale = Stand::new(&map, figure).scale();
+        let moved = |i: usize| {
+            let (row, off) = (self.binding.row(i), self.offset[i]);
+            blend(row, &figure.verts) - blend(row, &base.verts) + off * (scale - 1.0)
+        };
+        let moves = brought.spread_moves((0..brought.verts.len()).map(moved).collect());
+        let pairs = brought.verts.iter().zip(&moves);
+        let there: Vec<DVec3> = pairs.map(|(x, m)| *x + *m).collect();
+        let rest = grown((&self.faces, &self.uv), &brought.verts, &there);
+        let faces = self.faces.clone();
+        let cloth = Elastic::new(faces, rest, brought.verts.len());
+        Ok(Garment {
+            brought: Some(Box::new(Brought { cloth, ..*brought })),
+            ..self
+        })
+    }
+}
+
+/// Least and most that cloth is cut longer in any direction.
+const GROWN: (f64, f64) = (0.3, 3.0);
+
+/// Shapes of faces [m], as much larger as these are at `there` than they are at `here` [m].
+fn grown(
+    (faces, shapes): (&[[u32; 3]], &[[DVec2; 3]]),
+    here: &[DVec3],
+    there: &[DVec3],
+) -> Vec<[DVec2; 3]> {
+    let one = |(f, u): (&[u32; 3], &[DVec2; 3])| {
+        let flat = DMat2::from_cols(u[1] - u[0], u[2] - u[0]).inverse();
+        let metric = |x: &[DVec3]| {
+            let [a, b, c] = f.map(|i| x[i as usize]);
+            let (p, q) = (b - a, c - a);
+            let on_edges = DMat2::from_cols_array(&[p.dot(p), p.dot(q), p.dot(q), q.dot(q)]);
+            flat.transpose() * on_edges * flat
+        };
+        // By what the cloth is strained here it may be strained there as well.
+        let strained = with_stretches(metric(here), |l| 1.0 / l.sqrt().max(1e-6));
+        let growth = strained * metric(there) * strained;
+        let growth = with_stretches(growth, |l| l.sqrt().clamp(GROWN.0, GROWN.1));
+        u.map(|p| growth * p)
+    };
+    faces.iter().zip(shapes).map(one).collect()
+}
+
+/// The symmetric matrix with other eigenvalues.
+fn with_stretches(m: DMat2, of: impl Fn(f64) -> f64) -> DMat2 {
+    let (a, b, c) = (m.x_axis.x, m.x_axis.y, m.y_axis.y);
+    let angle = 0.5 * (2.0 * b).atan2(a - c);
+    let (mean, half) = (0.5 * (a + c), (0.5 * (a - c)).hypot(b));
+    let turn = DMat2::from_angle(angle);
+    turn * DMat2::from_diagonal(DVec2::new(of(mean + half), of(mean - half))) * turn.transpose()
 }
 
 impl Brought {
@@ -304,5 +367,36 @@ impl Garment {
     /// Vertices of a brought garment on the default body [m]; none of one that was cut.
     pub(crate) fn brought_verts(&self) -> &[DVec3] {
         self.brought.as_ref().map_or(&[], |b| &b.verts)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cloth_is_cut_longer_where_and_in_the_direction_that_it_grows() {
+        // Turned on the cloth and strained by a fiftieth, which is not to be taken for growth.
+        let on_cloth = DMat2::from_angle(0.4) / 1.02;
+        let flat = [DVec2::ZERO, DVec2::new(0.02, 0.0), DVec2::new(0.006, 0.015)];
+        let rest = [flat.map(|p| on_cloth * p)];
+        let cloth = (&[[0, 1, 2]][..], &rest[..]);
+        let here = flat.map(|p| p.extend(0.3));
+        let there = here.map(|p| DVec3::new(p.x, 7.0 - p.z, 1.5 * p.y));
+        let out = grown(cloth, &here, &there)[0];
+        let back = on_cloth.inverse();
+        for (was, is) in flat.iter().zip(out) {
+            let is = back * (is - out[0]);
+            assert!(
+                (is - DVec2::new(was.x, 1.5 * was.y)).length() < 1e-12,
+                "{was} {is}"
+            );
+        }
+        let same = grown(cloth, &here, &here)[0];
+        assert!(
+            same.iter()
+                .zip(rest[0])
+                .all(|(a, b)| (*a - b).length() < 1e-12)
+        );
     }
 }

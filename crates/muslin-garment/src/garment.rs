@@ -12,6 +12,7 @@ use crate::stored::{round, round_lengths, round_shares};
 use glam::{DVec2, DVec3};
 use muslin_body::{Avatar, Figure, Sparse};
 use muslin_geom::Surface;
+use std::f64::consts::TAU;
 
 /// Something to wear. Topology, pattern and binding are the same on every body.
 #[derive(Clone, Debug, PartialEq)]
@@ -276,12 +277,30 @@ impl Garment {
 /// sides are alike, 0.33 at least in garments on the default body.
 const ROOMY: f64 = 0.25;
 
-/// The triangle, or the more like its pattern the thinner it is.
+/// The triangle, or the more like its pattern the thinner it is; where that is thin as well, the more like a
+/// regular one.
 fn roomy(flat: [DVec2; 3], pattern: &[DVec2; 3]) -> [DVec2; 3] {
-    let longest = (0..3).map(|k| flat[k].distance_squared(flat[(k + 1) % 3]));
-    let quality = 2.0 * area(&flat) / longest.fold(f64::MIN_POSITIVE, f64::max);
-    let t = (1.0 - quality / ROOMY).clamp(0.0, 1.0);
-    std::array::from_fn(|k| flat[0] + (flat[k] - flat[0]).lerp(pattern[k] - pattern[0], t))
+    let thicker = |f: &[DVec2; 3], like: &[DVec2; 3]| -> [DVec2; 3] {
+        let t = (1.0 - roundness(f) / ROOMY).clamp(0.0, 1.0);
+        std::array::from_fn(|k| f[0] + (f[k] - f[0]).lerp(like[k] - like[0], t))
+    };
+    let half = thicker(&flat, pattern);
+    thicker(&half, &regular(&half))
+}
+
+/// Twice the area over the longest side squared.
+fn roundness(f: &[DVec2; 3]) -> f64 {
+    let longest = (0..3).map(|k| f[k].distance_squared(f[(k + 1) % 3]));
+    2.0 * area(f) / longest.fold(f64::MIN_POSITIVE, f64::max)
+}
+
+/// The triangle of equal sides that is as large as `f` all around, and lies as it does.
+fn regular(f: &[DVec2; 3]) -> [DVec2; 3] {
+    let around = (0..3).map(|k| f[k].distance_squared(f[(k + 1) % 3]));
+    let side = (around.sum::<f64>() / 3.0).sqrt();
+    let upright = [0.0, 1.0, 2.0].map(|k| DVec2::from_angle(TAU / 3.0 * k) * (side / 3f64.sqrt()));
+    let r = turn(&upright, f);
+    upright.map(|p| r.rotate(p))
 }
 
 /// Area [m²], positive where the corners go round counter-clockwise.

@@ -71,6 +71,63 @@ fn a_skirt_in_centimetres_finds_its_waist_and_is_held_there() {
 }
 
 #[test]
+fn a_skirt_graded_to_a_stouter_body_is_cut_wider_and_has_no_more_strain_there() {
+    let avatar = avatar();
+    let made = tailored(&skirt()).expect("a skirt").garments.swap_remove(0);
+    let shape = Shape::default().with_mass(&avatar, 95.0).expect("in reach");
+    let stout = avatar.figure(&shape).expect("a figure");
+    // Root mean square of how much longer the sides are than cut.
+    let strain = |g: &Garment, figure: &Figure| {
+        let worn = g.worn(&avatar, figure, &[]).expect("worn");
+        let faces = g.faces.iter().zip(&worn.rest);
+        let sides = faces.flat_map(|(f, r)| (0..3).map(move |k| (f[k], f[(k + 1) % 3], r, k)));
+        let mut sum = (0.0, 0.0);
+        for (i, j, r, k) in sides {
+            let cut = r[k].distance(r[(k + 1) % 3]);
+            let long = worn.verts[i as usize].distance(worn.verts[j as usize]);
+            sum = (sum.0 + (long / cut - 1.0).max(0.0).powi(2), sum.1 + 1.0);
+        }
+        let area = worn
+            .rest
+            .iter()
+            .map(|r| (r[1] - r[0]).perp_dot(r[2] - r[0]) / 2.0);
+        ((sum.0 / sum.1).sqrt(), area.sum::<f64>())
+    };
+    let (tight, own) = strain(&made, &stout);
+    let graded = made.clone().graded(&avatar, &stout).expect("it is bound");
+    let (fits, more) = strain(&graded, &stout);
+    assert!(tight > 0.05 && fits < 0.3 * tight, "{tight} {fits}");
+    assert!((1.1..1.8).contains(&(more / own)), "{own} {more} m2");
+    // Not from where it was graded to before, and back on the default body it is what it was.
+    let again = graded.clone().graded(&avatar, &stout).expect("it is bound");
+    assert!(again == graded);
+    let back = again
+        .graded(&avatar, &figure(&avatar))
+        .expect("it is bound");
+    let (before, after) = (
+        made.worn(&avatar, &stout, &[]),
+        back.worn(&avatar, &stout, &[]),
+    );
+    let rests = before
+        .expect("worn")
+        .rest
+        .into_iter()
+        .zip(after.expect("worn").rest);
+    let off = rests.flat_map(|(a, b)| (0..3).map(move |k| a[k].distance(b[k])));
+    assert!(off.fold(0.0, f64::max) < 1e-9);
+    // What was cut by a recipe fits whoever wears it.
+    let tee = Garment::make(
+        &avatar,
+        &Recipe::Tee(Tee {
+            edge: 0.025,
+            ..Tee::default()
+        }),
+    );
+    let tee = tee.expect("in range");
+    assert!(tee.clone().graded(&avatar, &stout).expect("it is bound") == tee);
+}
+
+#[test]
 fn a_shirt_in_millimetres_lying_on_its_back_is_stood_up_where_it_came_from() {
     let avatar = avatar();
     let figure = figure(&avatar);

@@ -262,8 +262,14 @@ fn only_a_neckband_starts_strained_and_the_pattern_is_true_to_size() {
 
 #[test]
 fn no_body_leaves_cloth_without_a_shape() {
+    // Its sleeves are so narrow for such triangles that some are lines on the pattern as well.
+    let coarse = made(Recipe::Tee(Tee {
+        edge: 0.025,
+        sleeve: 1.9,
+        ..Tee::default()
+    }));
     for figure in bodies() {
-        for garment in [tee(), trousers(), skirt(), dress()] {
+        for garment in [tee(), trousers(), skirt(), dress(), &coarse] {
             let worn = garment
                 .worn(avatar(), &figure, &[])
                 .expect("an embedded avatar");

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use muslin_body::{Avatar, Cores, Pose, Shape};
-use muslin_garment::{Garment, GarmentError};
+use muslin_body::{Avatar, Cores, Figure, Pose, Shape};
+use muslin_garment::{Garment, GarmentError, Worn};
 use muslin_io::{garmentcode, read_file, read_obj};
-use muslin_sim::{Options, SimError, drape};
+use muslin_sim::{Options, Settled, SimError, drape};
 
 use crate::drape::{cloth, put_on};
 use crate::dress::file_failure;
@@ -39,7 +39,7 @@ fn kind(asked: &str) -> Option<String> {
     ["json", "obj"].contains(&kind.as_str()).then_some(kind)
 }
 
-/// Steps in which a new garment comes to rest on the default body, at most.
+/// Steps in which a garment comes to rest on a body that it is new to, at most.
 const STEPS: usize = 30;
 
 /// Lets a new garment come to rest on the default body; says what it could not mend.
@@ -47,21 +47,12 @@ pub(crate) fn rest(avatar: &Avatar, piece: Piece) -> Result<(Piece, Vec<String>)
     let figure = avatar
         .figure(&Shape::default())
         .map_err(|e| body_failure(&e))?;
-    let cores = Cores::new(avatar, &figure);
-    let body = body_frame(avatar, &avatar.pose(&figure, &Pose::rest(avatar)), &cores);
     let outfit = Outfit {
         pieces: vec![piece],
         cut_for: None,
     };
     let worn = put_on(avatar, &outfit, &figure)?;
-    let cloth = cloth(&outfit, &worn);
-    let options = Options {
-        last_steps: STEPS,
-        ..Options::default()
-    };
-    let numbers = |e: SimError| Failure::new(Exit::Numbers, "garment", e.to_string());
-    let body = (&[body][..], avatar.collision_faces());
-    let settled = drape(&cloth, &worn[0].verts, body, &options).map_err(numbers)?;
+    let settled = led((avatar, &figure), &Pose::rest(avatar), (&outfit, &worn))?;
     let mut told = Vec::new();
     let (inside, crossed) = (settled.body_intersections, settled.self_crossings);
     let mut pieces = outfit.pieces;
@@ -75,6 +66,48 @@ pub(crate) fn rest(avatar: &Avatar, piece: Piece) -> Result<(Piece, Vec<String>)
     let garment = piece.garment.resting(avatar, settled.verts);
     piece.garment = garment.map_err(|e| Failure::new(Exit::Invalid, "garment", e.to_string()))?;
     Ok((piece, told))
+}
+
+/// An outfit as it lies around a figure that stands to be dressed ([`Avatar::dressing`]): put on, and where a
+/// garment of a file lies around somebody else than the default body, or over other cloth, led to rest. What is
+/// taught and played begins there.
+pub(crate) fn dressed(
+    avatar: &Avatar,
+    outfit: &Outfit,
+    figure: &Figure,
+) -> Result<Vec<Worn>, Failure> {
+    let (pose, stood) = avatar.dressing(figure);
+    let mut worn = put_on(avatar, outfit, &stood)?;
+    let standard = avatar.standard().map_err(|e| body_failure(&e))?;
+    let alone = outfit.pieces.len() == 1 && outfit.cut_for.is_none();
+    let at_home = alone && stood.verts == standard.verts;
+    if at_home || outfit.pieces.iter().all(|p| p.sha256.is_none()) {
+        return Ok(worn);
+    }
+    let settled = led((avatar, figure), &pose, (outfit, &worn))?;
+    for (worn, part) in worn.iter_mut().zip(outfit.parts()) {
+        worn.verts = settled.verts[part.verts].to_vec();
+    }
+    Ok(worn)
+}
+
+/// What is put on, at rest on a standing figure.
+fn led(
+    (avatar, figure): (&Avatar, &Figure),
+    pose: &Pose,
+    (outfit, worn): (&Outfit, &[Worn]),
+) -> Result<Settled, Failure> {
+    let cores = Cores::new(avatar, figure);
+    let body = body_frame(avatar, &avatar.pose(figure, pose), &cores);
+    let cloth = cloth(outfit, worn);
+    let start: Vec<_> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
+    let options = Options {
+        last_steps: STEPS,
+        ..Options::default()
+    };
+    let numbers = |e: SimError| Failure::new(Exit::Numbers, "garment", e.to_string());
+    let body = (&[body][..], avatar.collision_faces());
+    drape(&cloth, &start, body, &options).map_err(numbers)
 }
 
 /// Reads and makes the garments in the file at `path`, with triangles of about `edge` [m].

@@ -195,7 +195,7 @@ pub(crate) fn put_on(
     let Some(cut) = &outfit.cut_for else {
         return on(figure);
     };
-    let (own, wide) = rayon::join(|| on(figure), || on(&cut.figure));
+    let (own, wide) = rayon::join(|| on(figure), || on(&cut.stood));
     let worn = outfit.pieces.iter().zip(own?.into_iter().zip(wide?));
     Ok(worn.map(|(p, w)| cut.taken_over(p, w)).collect())
 }

@@ -17,6 +17,7 @@ use crate::figure::{Sitter, body_failure};
 use crate::options::{DressOptions, Person};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
+use crate::size::Wearer;
 use crate::watch::Watch;
 use crate::{files, look, tell};
 
@@ -275,7 +276,12 @@ impl<'a, 'w> Job<'a, 'w> {
         // An unwritable folder must be known before the work is done.
         let output = Output::open(out).map_err(|e| file_failure(&e))?;
         let outfit = Outfit::make(self.avatar, self.options, |w| self.watch.warn(w))?;
-        let outfit = outfit.sized((self.avatar, &model.sitter.shape), self.options)?;
+        let wearer = Wearer {
+            avatar: self.avatar,
+            shape: &model.sitter.shape,
+            base: None,
+        };
+        let outfit = outfit.sized(wearer, self.options)?;
         self.report.set("outfit", tell::outfit(&outfit));
         tell::size(&mut self.report, &outfit);
         self.done(3, "outfit", tell::pieces(&outfit))?;

@@ -130,7 +130,6 @@ impl DressOptions {
         let given = [
             ("--weight", self.weight.is_some()),
             ("--gender", self.gender.is_some()),
-            ("--size", self.size.is_some()),
         ];
         given.into_iter().find(|g| g.1).map(|g| g.0)
     }

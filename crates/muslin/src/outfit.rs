@@ -1,7 +1,7 @@
 //! From names to clothes: what is in the wardrobe, and how an outfit is put together.
 
 use glam::DVec2;
-use muslin_body::{Avatar, Shape, names};
+use muslin_body::{Avatar, Figure, names};
 use muslin_garment::{Dress, Fabric, Garment, GarmentError, Recipe, Skirt, Tee, Trousers};
 use muslin_geom::Part;
 
@@ -14,7 +14,7 @@ use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
 use crate::hero::Hero;
 use crate::options::{DressOptions, Wear};
-use crate::size::CutFor;
+use crate::size::{CutFor, Wearer};
 
 /// A garment in a fabric.
 #[derive(Clone, Debug)]
@@ -220,30 +220,59 @@ impl Outfit {
         warn: impl FnMut(&str),
     ) -> Result<Self, Failure> {
         let outfit = Self::make(hero.map_or(avatar, |h| &h.base), options, warn)?;
-        match options.size {
-            None => Ok(outfit),
-            Some(_) => outfit.sized((avatar, &asked_shape(avatar, options)?), options),
+        let shape = asked_shape(avatar, options)?;
+        match (options.size, hero) {
+            (None, None) => Ok(outfit),
+            (None, Some(_)) => {
+                let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
+                outfit.graded(avatar, &figure)
+            }
+            (Some(_), _) => {
+                let (shape, base) = (&shape, hero.map(|h| &h.base));
+                outfit.sized(
+                    Wearer {
+                        avatar,
+                        shape,
+                        base,
+                    },
+                    options,
+                )
+            }
         }
     }
 
-    /// The same in the size that the options ask for, if they do, for a wearer of this shape.
-    pub(crate) fn sized(
-        self,
-        (avatar, shape): (&Avatar, &Shape),
-        options: &DressOptions,
-    ) -> Result<Self, Failure> {
-        let Some(size) = options.size else {
-            return Ok(self);
-        };
-        if let Some(piece) = self.pieces.iter().find(|p| p.sha256.is_some()) {
-            let what = format!("{} has the size of its file", piece.garment.name);
-            let fault = Failure::new(Exit::Usage, "own-size", what).at("--size");
-            return Err(fault.hint("leave it out, or wear garments of the wardrobe"));
+    /// The same in the size that the options ask for, if they do, for this wearer.
+    pub(crate) fn sized(self, who: Wearer<'_>, options: &DressOptions) -> Result<Self, Failure> {
+        match options.size {
+            Some(size) => self.for_whom(who.avatar, Some(CutFor::size(who, size)?)),
+            None => Ok(self),
         }
-        Ok(Self {
-            cut_for: Some(CutFor::size(avatar, shape, size)?),
-            ..self
-        })
+    }
+
+    /// The same cut for somebody else than its wearer, if that is who is named.
+    pub(crate) fn for_whom(
+        self,
+        avatar: &Avatar,
+        cut_for: Option<CutFor>,
+    ) -> Result<Self, Failure> {
+        let own = match &cut_for {
+            Some(cut) => self.graded(avatar, &cut.figure)?,
+            None => self,
+        };
+        Ok(Self { cut_for, ..own })
+    }
+
+    /// The same with garments of files in the size of a figure.
+    fn graded(mut self, avatar: &Avatar, figure: &Figure) -> Result<Self, Failure> {
+        let one = |mut piece: Piece| {
+            let name = piece.garment.name.clone();
+            let graded = piece.garment.graded(avatar, figure);
+            let fault = |e: GarmentError| Failure::new(Exit::Invalid, "garment", e.to_string());
+            piece.garment = graded.map_err(|e| fault(e).at(name))?;
+            Ok(piece)
+        };
+        self.pieces = self.pieces.into_iter().map(one).collect::<Result<_, _>>()?;
+        Ok(self)
     }
 
     /// Each garment's share of the vertices and triangles of all.

@@ -72,7 +72,10 @@ impl Size {
 pub(crate) struct CutFor {
     /// What the label says; none where it was drawn at random.
     pub size: Option<Size>,
+    /// At rest.
     pub figure: Figure,
+    /// As they stand to be dressed.
+    pub stood: Figure,
     pub measures: Measures,
     /// The wearer's.
     pub wearer: Measures,
@@ -100,26 +103,68 @@ pub(crate) fn reach(
 /// Halvings in which a weight is found for a chest.
 const HALVINGS: usize = 14;
 
+/// Somebody who wears things: our own body, or a character in whose likeness it is, and then our body as it is.
+#[derive(Clone, Copy)]
+pub(crate) struct Wearer<'a> {
+    pub avatar: &'a Avatar,
+    /// Of our own body; a character has its own.
+    pub shape: &'a Shape,
+    pub base: Option<&'a Avatar>,
+}
+
+impl Wearer<'_> {
+    /// The wearer's twin of another weight [kg], as tall and built alike, at rest and as they stand to be dressed.
+    ///
+    /// A character grows as our body would, from what that weighs to `kg`, in proportion to its height.
+    pub fn weighing(&self, kg: f64) -> Result<[Figure; 2], BodyError> {
+        let ours = self.base.unwrap_or(self.avatar);
+        let height = ours.height_of(self.shape)?;
+        let grown = ours.figure(&self.shape.with_height_and_mass(ours, height, kg)?)?;
+        if self.base.is_none() {
+            return Ok([grown.clone(), grown]);
+        }
+        let figure = self.avatar.figure(self.shape)?;
+        let scale = self.avatar.height(&figure) / height;
+        let usual = ours.figure(self.shape)?;
+        let pairs = grown.verts.iter().zip(&usual.verts);
+        let moves: Vec<DVec3> = pairs.map(|(g, u)| (*g - *u) * scale).collect();
+        Ok(self.avatar.padded(&figure, &moves))
+    }
+
+    /// What our body weighs where nothing else is asked for [kg].
+    pub fn mass(&self) -> Result<f64, BodyError> {
+        let ours = self.base.unwrap_or(self.avatar);
+        Ok(ours.measure(&ours.figure(self.shape)?).mass)
+    }
+
+    fn measured(&self, kg: f64) -> Result<([Figure; 2], Measures), BodyError> {
+        let both = self.weighing(kg)?;
+        let measures = self.avatar.measure(&both[0]);
+        Ok((both, measures))
+    }
+}
+
 impl CutFor {
-    /// The figure of a size for a wearer of this shape.
-    pub fn size(avatar: &Avatar, shape: &Shape, size: Size) -> Result<Self, Failure> {
+    /// The figure of a size for a wearer.
+    pub fn size(who: Wearer<'_>, size: Size) -> Result<Self, Failure> {
         let fault = |e| body_failure(&e);
-        let chest = size.chest(shape.get("gender").map_err(fault)?);
-        let height = avatar.height_of(shape).map_err(fault)?;
-        let weighing = |kg: f64| -> Result<(Figure, Measures), BodyError> {
-            let figure = avatar.figure(&shape.with_height_and_mass(avatar, height, kg)?)?;
-            let measures = avatar.measure(&figure);
-            Ok((figure, measures))
-        };
-        let [mut low, mut high] = reach(|kg| weighing(kg).map(|_| ())).map_err(fault)?;
-        let thin = weighing(low).map_err(fault)?.1;
-        let stout = weighing(high).map_err(fault)?.1;
+        let chest = size.chest(who.shape.get("gender").map_err(fault)?);
+        let wearer = who.avatar.figure(who.shape).map_err(fault)?;
+        let wearer = who.avatar.measure(&wearer);
+        let [mut low, mut high] = reach(|kg| who.weighing(kg).map(|_| ())).map_err(fault)?;
+        let thin = who.measured(low).map_err(fault)?.1;
+        let stout = who.measured(high).map_err(fault)?.1;
         if !(thin.chest..=stout.chest).contains(&chest) {
             let what = format!(
-                "size {} is for a chest of {:.0} cm; at {:.0} cm tall our body has {:.0} to {:.0} cm",
+                "size {} is for a chest of {:.0} cm; at {:.0} cm tall {} has {:.0} to {:.0} cm",
                 size.label(),
                 chest * 100.0,
-                height * 100.0,
+                wearer.height * 100.0,
+                if who.base.is_some() {
+                    "this character"
+                } else {
+                    "our body"
+                },
                 thin.chest * 100.0,
                 stout.chest * 100.0
             );
@@ -129,16 +174,16 @@ impl CutFor {
         }
         for _ in 0..HALVINGS {
             let middle = 0.5 * (low + high);
-            match weighing(middle).map_err(fault)?.1.chest < chest {
+            match who.measured(middle).map_err(fault)?.1.chest < chest {
                 true => low = middle,
                 false => high = middle,
             }
         }
-        let (figure, measures) = weighing(0.5 * (low + high)).map_err(fault)?;
-        let wearer = avatar.measure(&avatar.figure(shape).map_err(fault)?);
+        let ([figure, stood], measures) = who.measured(0.5 * (low + high)).map_err(fault)?;
         Ok(Self {
             size: Some(size),
             figure,
+            stood,
             measures,
             wearer,
         })
@@ -222,7 +267,12 @@ mod tests {
         let shape = Shape::default().with("gender", 1.0).expect("a phenotype");
         let shape = shape.with_height(&avatar, 1.7).expect("in reach");
         for size in [Size::S, Size::Xl] {
-            let cut = CutFor::size(&avatar, &shape, size).expect("in reach");
+            let who = Wearer {
+                avatar: &avatar,
+                shape: &shape,
+                base: None,
+            };
+            let cut = CutFor::size(who, size).expect("in reach");
             assert!((cut.measures.chest - size.chest(1.0)).abs() < 2e-3);
             assert!((cut.measures.height - 1.7).abs() < 1e-3);
             assert_eq!(cut.wider()[0] > 0.0, size == Size::Xl, "{:?}", cut.wider());

@@ -127,7 +127,8 @@ impl School<'_, '_> {
         let note = |w: &str| warnings.push(w.to_owned());
         let outfit = Outfit::make_for((avatar, self.hero), &self.options.dress, note)?;
         warnings.iter().for_each(|w| self.watch.warn(w));
-        let mut class = Class::new((avatar, figure), &outfit, self.options)?;
+        let base = self.hero.map(|h| &h.base);
+        let mut class = Class::new((avatar, figure), (&outfit, base), self.options)?;
         if let Some(path) = &self.options.from {
             class.begun = Some(read_model(path)?);
         }

@@ -7,7 +7,8 @@ use muslin_io::{Clip, sha256};
 use muslin_model::Model;
 use muslin_sim::{Cloth, Frame, Walk};
 
-use crate::drape::{cloth, put_on};
+use crate::brought::dressed;
+use crate::drape::cloth;
 use crate::failure::Failure;
 use crate::figure::body_frame;
 use crate::hero::Hero;
@@ -49,7 +50,7 @@ impl<'a> Set<'a> {
         outfit: Outfit,
     ) -> Result<Self, Failure> {
         let (_, stood) = avatar.dressing(&figure);
-        let worn = put_on(avatar, &outfit, &stood)?;
+        let worn = dressed(avatar, &outfit, &figure)?;
         Ok(Self {
             stood: stood.verts[avatar.part(Part::Body)].to_vec(),
             cloth: cloth(&outfit, &worn),

@@ -13,14 +13,15 @@ use muslin_train::{Lesson, diffused, mixed, thinned};
 use rayon::prelude::*;
 
 use super::{TrainOptions, variety};
-use crate::drape::{cloth, put_on};
+use crate::brought::dressed;
+use crate::drape::cloth;
 use crate::dress::asked_shape;
 use crate::failure::Failure;
 use crate::figure::body_failure;
 use crate::hero::Hero;
 use crate::outfit::Outfit;
 use crate::simulate::{SimulateOptions, motion};
-use crate::size::CutFor;
+use crate::size::{CutFor, Wearer};
 use crate::traits::{self, Trait};
 
 /// Rounds in which skin weights spread, and bones a vertex follows at most.
@@ -54,10 +55,10 @@ pub(super) struct Class {
 }
 
 impl Class {
-    /// The garments of an outfit: as a rule there is one.
+    /// The garments of an outfit: as a rule there is one. `base` is our body as it is, where a character wears it.
     pub fn new(
         (avatar, figure): (&Avatar, &Figure),
-        outfit: &Outfit,
+        (outfit, base): (&Outfit, Option<&Avatar>),
         options: &TrainOptions,
     ) -> Result<Self, Failure> {
         let spread = options
@@ -89,14 +90,19 @@ impl Class {
             }
             // Every other one wears what was made to measure: that is what most ask for.
             if options.any_size && k % 2 == 1 {
-                cut = Some(variety::any_cut(avatar, (&shape, &who), noise));
+                let wearer = Wearer {
+                    avatar,
+                    shape: &shape,
+                    base,
+                };
+                let any = variety::any_cut(wearer, &who, noise);
+                cut = Some(any.map_err(|e| body_failure(&e))?);
             }
             wear.push((who, what, cut));
         }
         type Wear = (Figure, Fabric, Option<CutFor>);
         let one = |(figure, fabric, cut): Wear| -> Result<Pupil, Failure> {
-            let mut worn = outfit.clone();
-            worn.cut_for = cut;
+            let mut worn = outfit.clone().for_whom(avatar, cut)?;
             let mut traits = Vec::new();
             if options.any_fabric {
                 traits.extend(traits::of_fabric(&fabric));
@@ -108,8 +114,7 @@ impl Class {
                 traits.extend(traits::of_cut(worn.cut_for.as_ref()));
             }
             worn.pieces[0].fabric = fabric;
-            let (_, stood) = avatar.dressing(&figure);
-            let lies = put_on(avatar, &worn, &stood)?;
+            let lies = dressed(avatar, &worn, &figure)?;
             let start: Vec<_> = lies.iter().flat_map(|w| w.verts.iter().copied()).collect();
             Ok(Pupil {
                 cloth: cloth(&worn, &lies),

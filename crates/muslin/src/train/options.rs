@@ -179,11 +179,12 @@ impl TrainOptions {
     pub fn check(&self, out: &Path) -> Result<(), Failure> {
         self.dress.check()?;
         self.belongs()?;
-        let any = [("--shape", self.any_shape), ("--sizes", self.any_size)];
-        if let (Some((option, _)), Some(_)) = (any.iter().find(|a| a.1), &self.dress.body) {
+        if self.any_shape && self.dress.body.is_some() {
             let what = "a character has a shape of its own";
-            let fault = Failure::new(Exit::Usage, "own-shape", what).at(*option);
-            return Err(fault.hint("leave it out; --fabric any is for characters as well"));
+            let fault = Failure::new(Exit::Usage, "own-shape", what).at("--shape");
+            return Err(
+                fault.hint("leave it out; --fabric any and --sizes any are for characters as well")
+            );
         }
         within("--steps", "", Some(self.steps as f64), (1.0, 1e7))?;
         within("--codes", "", self.codes.map(|x| x as f64), (2.0, 512.0))?;

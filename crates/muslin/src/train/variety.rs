@@ -1,10 +1,10 @@
 //! Those for whom a garment is taught besides the wearer and the fabric that were asked for.
 
-use muslin_body::{Avatar, Figure, Shape};
+use muslin_body::{BodyError, Figure, Shape};
 use muslin_garment::Fabric;
 use muslin_net::learn::Noise;
 
-use crate::size::{CutFor, reach};
+use crate::size::{CutFor, Wearer, reach};
 
 /// Wearers and fabrics in all, where anything may vary.
 pub(super) const LESSONS: usize = 32;
@@ -30,25 +30,29 @@ pub(super) fn any_shape(noise: &mut Noise) -> Shape {
 
 /// Somebody as tall as the wearer and built alike, for whom a size may be cut that the wearer has on.
 pub(super) fn any_cut(
-    avatar: &Avatar,
-    (shape, wearer): (&Shape, &Figure),
+    who: Wearer<'_>,
+    figure: &Figure,
     noise: &mut Noise,
-) -> CutFor {
-    let own = avatar.measure(wearer);
+) -> Result<CutFor, BodyError> {
     // Half of them within a fifth of the wearer.
     let share = STOUTER.0 + (STOUTER.1 - STOUTER.0) * noise.unit().powi(2);
-    let other = reach(|kg| shape.with_mass(avatar, kg).map(|_| ())).and_then(|[least, most]| {
-        let kg = (share * own.mass).clamp(least, most);
-        avatar.figure(&shape.with_mass(avatar, kg)?)
+    let other = reach(|kg| who.weighing(kg).map(|_| ())).and_then(|[least, most]| {
+        let kg = (share * who.mass()?).clamp(least, most);
+        who.weighing(kg)
     });
     // The least of bodies are out of reach if they are to be stouter and as tall: made to measure.
-    let figure = other.unwrap_or_else(|_| wearer.clone());
-    CutFor {
+    let [figure, stood] = match other {
+        Ok(both) => both,
+        Err(_) => [figure.clone(), who.avatar.dressing(figure).1],
+    };
+    let wearer = who.avatar.figure(who.shape)?;
+    Ok(CutFor {
         size: None,
-        measures: avatar.measure(&figure),
+        measures: who.avatar.measure(&figure),
         figure,
-        wearer: own,
-    }
+        stood,
+        wearer: who.avatar.measure(&wearer),
+    })
 }
 
 /// The fabrics that others lie between: those of real cloth, and the paper one that models are compared
