@@ -164,8 +164,11 @@ fn grown(
         // By what the cloth is strained here it may be strained there as well.
         let strained = with_stretches(metric(here), |l| 1.0 / l.sqrt().max(1e-6));
         let growth = strained * metric(there) * strained;
-        let growth = with_stretches(growth, |l| l.sqrt().clamp(GROWN.0, GROWN.1));
-        u.map(|p| growth * p)
+        let growth = with_stretches(growth, |l| l.max(0.0).sqrt().clamp(GROWN.0, GROWN.1));
+        match growth.is_finite() {
+            true => u.map(|p| growth * p),
+            false => *u,
+        }
     };
     faces.iter().zip(shapes).map(one).collect()
 }

@@ -198,9 +198,7 @@ impl Surface {
 
     /// As [`Surface::closest`], sped up by a face that was near before.
     pub fn closest_near(&self, p: DVec3, within: f64, hint: u32) -> Option<Closest> {
-        let d = on_triangle(p, &self.corners(hint))
-            .point
-            .distance_squared(p);
+        let d = self.distance_squared(p, hint);
         let bound = within * within;
         if d < bound {
             self.bounded(p, d, Some(hint))
@@ -210,9 +208,15 @@ impl Surface {
     }
 
     fn bounded(&self, p: DVec3, bound: f64, hint: Option<u32>) -> Option<Closest> {
-        let distance = |f: u32| on_triangle(p, &self.corners(f)).point.distance_squared(p);
+        let distance = |f: u32| self.distance_squared(p, f);
         let face = self.bvh.nearest(p, bound, distance).map(|b| b.0).or(hint)?;
         Some(self.at(p, face))
+    }
+
+    /// How far `p` is from one face, squared [m²].
+    pub fn distance_squared(&self, p: DVec3, face: u32) -> f64 {
+        let nearest = on_triangle(p, &self.corners(face)).point;
+        nearest.distance_squared(p)
     }
 
     /// The point of one face nearest to `p`, with the side of the surface that `p` is on.

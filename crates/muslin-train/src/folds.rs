@@ -55,7 +55,7 @@ impl Folds {
                 .iter()
                 .all(|i| self.rest[*i as usize].distance_squared(self.rest[v]) > SAME * SAME);
             match apart {
-                true => surface.at(p, f).point.distance_squared(p),
+                true => surface.distance_squared(p, f),
                 false => f64::INFINITY,
             }
         };

@@ -302,7 +302,7 @@ impl<'a> Theatre<'a, '_> {
         self.report.set("outfit", tell::outfit(&outfit));
         tell::size(&mut self.report, &outfit);
         let told = tell::pieces(&outfit);
-        let mut set = Set::new(avatar, figure, moving, outfit)?;
+        let mut set = Set::rested(avatar, figure, moving, outfit)?;
         set.hero = self.hero;
         for (model, piece) in models.iter().zip(&set.outfit.pieces) {
             fits(model, &piece.garment)?;

@@ -220,24 +220,19 @@ impl Outfit {
         warn: impl FnMut(&str),
     ) -> Result<Self, Failure> {
         let outfit = Self::make(hero.map_or(avatar, |h| &h.base), options, warn)?;
-        let shape = asked_shape(avatar, options)?;
-        match (options.size, hero) {
-            (None, None) => Ok(outfit),
-            (None, Some(_)) => {
-                let figure = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
-                outfit.graded(avatar, &figure)
-            }
-            (Some(_), _) => {
-                let (shape, base) = (&shape, hero.map(|h| &h.base));
-                outfit.sized(
-                    Wearer {
-                        avatar,
-                        shape,
-                        base,
-                    },
-                    options,
-                )
-            }
+        if options.size.is_none() && hero.is_none() {
+            return Ok(outfit);
+        }
+        let shape = &asked_shape(avatar, options)?;
+        let base = hero.map(|h| &h.base);
+        let who = Wearer {
+            avatar,
+            shape,
+            base,
+        };
+        match options.size {
+            Some(_) => outfit.sized(who, options),
+            None => outfit.graded(avatar, &avatar.figure(shape).map_err(|e| body_failure(&e))?),
         }
     }
 

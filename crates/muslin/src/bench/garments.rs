@@ -403,7 +403,7 @@ pub(super) fn set<'a>(
     let (figure, ..) = asked_figure(who.0, &options.dress)?;
     let moving = motion::load(who, &figure, &options)?;
     let outfit = Outfit::make_for(who, &options.dress, |_| {})?;
-    let mut set = Set::new(who.0, figure, moving, outfit)?;
+    let mut set = Set::rested(who.0, figure, moving, outfit)?;
     set.hero = who.1;
     fits(model, &set.outfit.pieces[0].garment)?;
     Ok(set)

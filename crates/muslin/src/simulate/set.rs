@@ -2,13 +2,14 @@
 
 use glam::{DAffine3, DVec3};
 use muslin_body::{Avatar, Cores, Figure, Part};
+use muslin_garment::Worn;
 use muslin_geom::Drape;
 use muslin_io::{Clip, sha256};
 use muslin_model::Model;
 use muslin_sim::{Cloth, Frame, Walk};
 
 use crate::brought::dressed;
-use crate::drape::cloth;
+use crate::drape::{cloth, put_on};
 use crate::failure::Failure;
 use crate::figure::body_frame;
 use crate::hero::Hero;
@@ -49,9 +50,28 @@ impl<'a> Set<'a> {
         moving: Moving,
         outfit: Outfit,
     ) -> Result<Self, Failure> {
-        let (_, stood) = avatar.dressing(&figure);
+        let worn = put_on(avatar, &outfit, &avatar.dressing(&figure).1)?;
+        Ok(Self::wearing((avatar, figure), moving, (outfit, worn)))
+    }
+
+    /// The same for models, which were taught of garments at rest.
+    pub fn rested(
+        avatar: &'a Avatar,
+        figure: Figure,
+        moving: Moving,
+        outfit: Outfit,
+    ) -> Result<Self, Failure> {
         let worn = dressed(avatar, &outfit, &figure)?;
-        Ok(Self {
+        Ok(Self::wearing((avatar, figure), moving, (outfit, worn)))
+    }
+
+    fn wearing(
+        (avatar, figure): (&'a Avatar, Figure),
+        moving: Moving,
+        (outfit, worn): (Outfit, Vec<Worn>),
+    ) -> Self {
+        let (_, stood) = avatar.dressing(&figure);
+        Self {
             stood: stood.verts[avatar.part(Part::Body)].to_vec(),
             cloth: cloth(&outfit, &worn),
             start: worn.into_iter().flat_map(|w| w.verts).collect(),
@@ -62,7 +82,7 @@ impl<'a> Set<'a> {
             outfit,
             bdf2: false,
             hero: None,
-        })
+        }
     }
 
     /// A model of its garment `k`, laid around this body and told of it and of the fabric.
