@@ -78,10 +78,12 @@ pub(crate) fn dressed(
 ) -> Result<Vec<Worn>, Failure> {
     let (pose, stood) = avatar.dressing(figure);
     let mut worn = put_on(avatar, outfit, &stood)?;
+    if outfit.pieces.iter().all(|p| p.sha256.is_none()) {
+        return Ok(worn);
+    }
     let standard = avatar.standard().map_err(|e| body_failure(&e))?;
     let alone = outfit.pieces.len() == 1 && outfit.cut_for.is_none();
-    let at_home = alone && stood.verts == standard.verts;
-    if at_home || outfit.pieces.iter().all(|p| p.sha256.is_none()) {
+    if alone && stood.verts == standard.verts {
         return Ok(worn);
     }
     let settled = led((avatar, figure), &pose, (outfit, &worn))?;

@@ -31,7 +31,7 @@ pub(super) fn any_shape(noise: &mut Noise) -> Shape {
 /// Somebody as tall as the wearer and built alike, for whom a size may be cut that the wearer has on.
 pub(super) fn any_cut(
     who: Wearer<'_>,
-    figure: &Figure,
+    wearer: &Figure,
     noise: &mut Noise,
 ) -> Result<CutFor, BodyError> {
     // Half of them within a fifth of the wearer.
@@ -43,15 +43,14 @@ pub(super) fn any_cut(
     // The least of bodies are out of reach if they are to be stouter and as tall: made to measure.
     let [figure, stood] = match other {
         Ok(both) => both,
-        Err(_) => [figure.clone(), who.avatar.dressing(figure).1],
+        Err(_) => [wearer.clone(), who.avatar.dressing(wearer).1],
     };
-    let wearer = who.avatar.figure(who.shape)?;
     Ok(CutFor {
         size: None,
         measures: who.avatar.measure(&figure),
         figure,
         stood,
-        wearer: who.avatar.measure(&wearer),
+        wearer: who.avatar.measure(wearer),
     })
 }
 
