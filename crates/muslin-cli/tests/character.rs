@@ -178,6 +178,29 @@ fn what_a_character_wears_from_a_file_is_its_size_or_the_labels() {
 }
 
 #[test]
+fn a_model_of_a_character_knows_sizes_where_it_was_taught_any() {
+    let folder = Folder::new("hero-sizes");
+    let hero = character(&folder);
+    let (model, out) = (folder.at("any.muslin"), folder.at("wide.glb"));
+    for line in [
+        format!(
+            "train --body {hero} --garment tee --edge 25 --sizes any --motion walk --motion run \
+             --mixed 60 --steps 1 -o {model}"
+        ),
+        format!(
+            "animate --body {hero} --model {model} --size XL --refine 0 --motion walk --seconds 0.1 -o {out}"
+        ),
+    ] {
+        let done = typed(&line);
+        assert_eq!(done.status.code(), Some(0), "{line}: {}", errors(&done));
+    }
+    let report = std::fs::read_to_string(folder.at("wide.report.json")).expect("written");
+    for told in ["\"label\": \"XL\"", "\"not_taught\": []"] {
+        assert!(report.contains(told), "{told} is missing:\n{report}");
+    }
+}
+
+#[test]
 fn what_cannot_be_dressed_is_refused_in_words() {
     let folder = Folder::new("no-hero");
     let (out, bad) = (folder.at("a.glb"), folder.at("bad.gltf"));
