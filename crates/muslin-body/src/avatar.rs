@@ -177,22 +177,20 @@ impl Avatar {
         (bound.dressing.clone(), stood)
     }
 
-    /// A figure with its skin moved by `moves` [m, at rest]: at rest, and as it stands to be dressed
-    /// ([`Avatar::dressing`]). Joints stay.
-    pub fn padded(&self, figure: &Figure, moves: &[DVec3]) -> [Figure; 2] {
-        let (pose, stood) = self.dressing(figure);
+    /// How `other` stands where `figure` is dressed ([`Avatar::dressing`]): in the likeness of a character, somebody
+    /// of the same joints with another skin.
+    pub fn dressing_beside(&self, figure: &Figure, other: &Figure) -> Figure {
+        if self.bound.is_none() {
+            return other.clone();
+        }
+        let (pose, mut stood) = self.dressing(figure);
         let bones = self.bones(figure, &pose);
-        let turned = |(m, row): (&DVec3, &[(u32, f64)])| blended(row, &bones).transform_vector3(*m);
-        let there: Vec<DVec3> = moves
-            .iter()
-            .zip(self.rig().weights.rows())
-            .map(turned)
-            .collect();
-        let by = |on: &Figure, moves: &[DVec3]| Figure {
-            verts: on.verts.iter().zip(moves).map(|(p, m)| *p + *m).collect(),
-            ..on.clone()
-        };
-        [by(figure, moves), by(&stood, &there)]
+        let skins = other.verts.iter().zip(&figure.verts);
+        let rows = skins.zip(self.rig().weights.rows());
+        for (p, ((to, from), row)) in stood.verts.iter_mut().zip(rows) {
+            *p += blended(row, &bones).transform_vector3(*to - *from);
+        }
+        stood
     }
 
     /// Where points that follow bones by `weights` are at rest [m], from where they are when the figure

@@ -127,11 +127,7 @@ impl Garment {
         let base = avatar.standard()?;
         let map = BodyMap::new(avatar, &base)?;
         let scale = Stand::new(&map, figure).scale();
-        let moved = |i: usize| {
-            let (row, off) = (self.binding.row(i), self.offset[i]);
-            blend(row, &figure.verts) - blend(row, &base.verts) + off * (scale - 1.0)
-        };
-        let moves = brought.spread_moves((0..brought.verts.len()).map(moved).collect());
+        let moves = brought.moves((&self.binding, &self.offset), (&figure.verts, scale));
         let pairs = brought.verts.iter().zip(&moves);
         let there: Vec<DVec3> = pairs.map(|(x, m)| *x + *m).collect();
         let rest = grown((&self.faces, &self.uv), &brought.verts, &there);
@@ -190,9 +186,7 @@ impl Brought {
         stand: &Stand,
         under: &[(Surface, Vec<bool>)],
     ) -> Worn {
-        let n = self.verts.len();
-        let own = |i: usize| blend(binding.row(i), stand.verts) + offset[i] - self.verts[i];
-        let moves = self.spread_moves((0..n).map(own).collect());
+        let moves = self.moves((binding, offset), (stand.verts, 1.0));
         let still = moves.iter().all(|m| m.length() < SAME);
         let mut x: Vec<DVec3> = self
             .verts
@@ -235,8 +229,15 @@ impl Brought {
         }
     }
 
-    /// Moves [m] evened out over the cloth.
-    fn spread_moves(&self, mut moves: Vec<DVec3>) -> Vec<DVec3> {
+    /// How far cloth goes with the skin to where that is `there` [m], so many times as far off it; evened out over
+    /// the cloth [m].
+    fn moves(
+        &self,
+        (binding, offset): (&Sparse, &[DVec3]),
+        (there, scale): (&[DVec3], f64),
+    ) -> Vec<DVec3> {
+        let own = |i: usize| blend(binding.row(i), there) + offset[i] * scale - self.verts[i];
+        let mut moves: Vec<DVec3> = (0..self.verts.len()).map(own).collect();
         for _ in 0..SPREAD {
             let mean = |(m, row): (&DVec3, &Vec<(u32, f64)>)| {
                 let all: DVec3 = row.iter().map(|&(j, _)| moves[j as usize]).sum();

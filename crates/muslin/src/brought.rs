@@ -68,16 +68,16 @@ pub(crate) fn rest(avatar: &Avatar, piece: Piece) -> Result<(Piece, Vec<String>)
     Ok((piece, told))
 }
 
-/// An outfit as it lies around a figure that stands to be dressed ([`Avatar::dressing`]): put on, and where a
+/// An outfit as it lies around a figure that `stands` to be dressed ([`Avatar::dressing`]): put on, and where a
 /// garment of a file lies around somebody else than the default body, or over other cloth, led to rest. What is
 /// taught and played begins there.
 pub(crate) fn dressed(
     avatar: &Avatar,
     outfit: &Outfit,
-    figure: &Figure,
+    (figure, stands): (&Figure, &(Pose, Figure)),
 ) -> Result<Vec<Worn>, Failure> {
-    let (pose, stood) = avatar.dressing(figure);
-    let mut worn = put_on(avatar, outfit, &stood)?;
+    let (pose, stood) = stands;
+    let mut worn = put_on(avatar, outfit, stood)?;
     if outfit.pieces.iter().all(|p| p.sha256.is_none()) {
         return Ok(worn);
     }
@@ -86,7 +86,7 @@ pub(crate) fn dressed(
     if alone && stood.verts == standard.verts {
         return Ok(worn);
     }
-    let settled = led((avatar, figure), &pose, (outfit, &worn))?;
+    let settled = led((avatar, figure), pose, (outfit, &worn))?;
     for (worn, part) in worn.iter_mut().zip(outfit.parts()) {
         worn.verts = settled.verts[part.verts].to_vec();
     }

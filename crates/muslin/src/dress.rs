@@ -279,6 +279,7 @@ impl<'a, 'w> Job<'a, 'w> {
         let wearer = Wearer {
             avatar: self.avatar,
             shape: &model.sitter.shape,
+            figure: &model.sitter.figure,
             base: None,
         };
         let outfit = outfit.sized(wearer, self.options)?;

@@ -224,15 +224,17 @@ impl Outfit {
             return Ok(outfit);
         }
         let shape = &asked_shape(avatar, options)?;
+        let figure = &avatar.figure(shape).map_err(|e| body_failure(&e))?;
         let base = hero.map(|h| &h.base);
         let who = Wearer {
             avatar,
             shape,
+            figure,
             base,
         };
         match options.size {
             Some(_) => outfit.sized(who, options),
-            None => outfit.graded(avatar, &avatar.figure(shape).map_err(|e| body_failure(&e))?),
+            None => outfit.graded(avatar, figure),
         }
     }
 

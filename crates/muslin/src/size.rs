@@ -109,26 +109,32 @@ pub(crate) struct Wearer<'a> {
     pub avatar: &'a Avatar,
     /// Of our own body; a character has its own.
     pub shape: &'a Shape,
+    /// At rest.
+    pub figure: &'a Figure,
     pub base: Option<&'a Avatar>,
 }
 
 impl Wearer<'_> {
-    /// The wearer's twin of another weight [kg], as tall and built alike, at rest and as they stand to be dressed.
+    /// The wearer's twin of another weight [kg], as tall and built alike.
     ///
     /// A character grows as our body would, from what that weighs to `kg`, in proportion to its height.
-    pub fn weighing(&self, kg: f64) -> Result<[Figure; 2], BodyError> {
+    pub fn weighing(&self, kg: f64) -> Result<Figure, BodyError> {
         let ours = self.base.unwrap_or(self.avatar);
         let height = ours.height_of(self.shape)?;
         let grown = ours.figure(&self.shape.with_height_and_mass(ours, height, kg)?)?;
         if self.base.is_none() {
-            return Ok([grown.clone(), grown]);
+            return Ok(grown);
         }
-        let figure = self.avatar.figure(self.shape)?;
-        let scale = self.avatar.height(&figure) / height;
+        let scale = self.avatar.height(self.figure) / height;
         let usual = ours.figure(self.shape)?;
         let pairs = grown.verts.iter().zip(&usual.verts);
-        let moves: Vec<DVec3> = pairs.map(|(g, u)| (*g - *u) * scale).collect();
-        Ok(self.avatar.padded(&figure, &moves))
+        let moves = pairs.map(|(g, u)| (*g - *u) * scale);
+        Ok(Figure {
+            verts: (self.figure.verts.iter().zip(moves))
+                .map(|(p, m)| *p + m)
+                .collect(),
+            ..self.figure.clone()
+        })
     }
 
     /// What our body weighs where nothing else is asked for [kg].
@@ -137,10 +143,10 @@ impl Wearer<'_> {
         Ok(ours.measure(&ours.figure(self.shape)?).mass)
     }
 
-    fn measured(&self, kg: f64) -> Result<([Figure; 2], Measures), BodyError> {
-        let both = self.weighing(kg)?;
-        let measures = self.avatar.measure(&both[0]);
-        Ok((both, measures))
+    fn measured(&self, kg: f64) -> Result<(Figure, Measures), BodyError> {
+        let figure = self.weighing(kg)?;
+        let measures = self.avatar.measure(&figure);
+        Ok((figure, measures))
     }
 }
 
@@ -149,8 +155,6 @@ impl CutFor {
     pub fn size(who: Wearer<'_>, size: Size) -> Result<Self, Failure> {
         let fault = |e| body_failure(&e);
         let chest = size.chest(who.shape.get("gender").map_err(fault)?);
-        let wearer = who.avatar.figure(who.shape).map_err(fault)?;
-        let wearer = who.avatar.measure(&wearer);
         let [mut low, mut high] = reach(|kg| who.weighing(kg).map(|_| ())).map_err(fault)?;
         let thin = who.measured(low).map_err(fault)?.1;
         let stout = who.measured(high).map_err(fault)?.1;
@@ -159,7 +163,7 @@ impl CutFor {
                 "size {} is for a chest of {:.0} cm; at {:.0} cm tall {} has {:.0} to {:.0} cm",
                 size.label(),
                 chest * 100.0,
-                wearer.height * 100.0,
+                who.avatar.height(who.figure) * 100.0,
                 if who.base.is_some() {
                     "this character"
                 } else {
@@ -179,14 +183,19 @@ impl CutFor {
                 false => high = middle,
             }
         }
-        let ([figure, stood], measures) = who.measured(0.5 * (low + high)).map_err(fault)?;
-        Ok(Self {
-            size: Some(size),
+        let figure = who.weighing(0.5 * (low + high)).map_err(fault)?;
+        Ok(Self::new(who, Some(size), figure))
+    }
+
+    /// For somebody of this figure, at rest.
+    pub fn new(who: Wearer<'_>, size: Option<Size>, figure: Figure) -> Self {
+        Self {
+            size,
+            stood: who.avatar.dressing_beside(who.figure, &figure),
+            measures: who.avatar.measure(&figure),
+            wearer: who.avatar.measure(who.figure),
             figure,
-            stood,
-            measures,
-            wearer,
-        })
+        }
     }
 
     /// How much wider it is cut than the wearer is: chest, waist, hip [m].
@@ -270,6 +279,7 @@ mod tests {
             let who = Wearer {
                 avatar: &avatar,
                 shape: &shape,
+                figure: &avatar.figure(&shape).expect("a figure"),
                 base: None,
             };
             let cut = CutFor::size(who, size).expect("in reach");

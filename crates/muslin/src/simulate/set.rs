@@ -50,8 +50,10 @@ impl<'a> Set<'a> {
         moving: Moving,
         outfit: Outfit,
     ) -> Result<Self, Failure> {
-        let worn = put_on(avatar, &outfit, &avatar.dressing(&figure).1)?;
-        Ok(Self::wearing((avatar, figure), moving, (outfit, worn)))
+        let (_, stood) = avatar.dressing(&figure);
+        let worn = put_on(avatar, &outfit, &stood)?;
+        let who = (avatar, figure, stood);
+        Ok(Self::wearing(who, moving, (outfit, worn)))
     }
 
     /// The same for models, which were taught of garments at rest.
@@ -61,16 +63,17 @@ impl<'a> Set<'a> {
         moving: Moving,
         outfit: Outfit,
     ) -> Result<Self, Failure> {
-        let worn = dressed(avatar, &outfit, &figure)?;
-        Ok(Self::wearing((avatar, figure), moving, (outfit, worn)))
+        let stands = avatar.dressing(&figure);
+        let worn = dressed(avatar, &outfit, (&figure, &stands))?;
+        let who = (avatar, figure, stands.1);
+        Ok(Self::wearing(who, moving, (outfit, worn)))
     }
 
     fn wearing(
-        (avatar, figure): (&'a Avatar, Figure),
+        (avatar, figure, stood): (&'a Avatar, Figure, Figure),
         moving: Moving,
         (outfit, worn): (Outfit, Vec<Worn>),
     ) -> Self {
-        let (_, stood) = avatar.dressing(&figure);
         Self {
             stood: stood.verts[avatar.part(Part::Body)].to_vec(),
             cloth: cloth(&outfit, &worn),

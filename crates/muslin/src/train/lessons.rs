@@ -93,10 +93,10 @@ impl Class {
                 let wearer = Wearer {
                     avatar,
                     shape: &shape,
+                    figure: &who,
                     base,
                 };
-                let any = variety::any_cut(wearer, &who, noise);
-                cut = Some(any.map_err(|e| body_failure(&e))?);
+                cut = Some(variety::any_cut(wearer, noise));
             }
             wear.push((who, what, cut));
         }
@@ -114,7 +114,7 @@ impl Class {
                 traits.extend(traits::of_cut(worn.cut_for.as_ref()));
             }
             worn.pieces[0].fabric = fabric;
-            let lies = dressed(avatar, &worn, &figure)?;
+            let lies = dressed(avatar, &worn, (&figure, &avatar.dressing(&figure)))?;
             let start: Vec<_> = lies.iter().flat_map(|w| w.verts.iter().copied()).collect();
             Ok(Pupil {
                 cloth: cloth(&worn, &lies),

@@ -1,6 +1,6 @@
 //! Those for whom a garment is taught besides the wearer and the fabric that were asked for.
 
-use muslin_body::{BodyError, Figure, Shape};
+use muslin_body::Shape;
 use muslin_garment::Fabric;
 use muslin_net::learn::Noise;
 
@@ -29,11 +29,7 @@ pub(super) fn any_shape(noise: &mut Noise) -> Shape {
 }
 
 /// Somebody as tall as the wearer and built alike, for whom a size may be cut that the wearer has on.
-pub(super) fn any_cut(
-    who: Wearer<'_>,
-    wearer: &Figure,
-    noise: &mut Noise,
-) -> Result<CutFor, BodyError> {
+pub(super) fn any_cut(who: Wearer<'_>, noise: &mut Noise) -> CutFor {
     // Half of them within a fifth of the wearer.
     let share = STOUTER.0 + (STOUTER.1 - STOUTER.0) * noise.unit().powi(2);
     let other = reach(|kg| who.weighing(kg).map(|_| ())).and_then(|[least, most]| {
@@ -41,17 +37,7 @@ pub(super) fn any_cut(
         who.weighing(kg)
     });
     // The least of bodies are out of reach if they are to be stouter and as tall: made to measure.
-    let [figure, stood] = match other {
-        Ok(both) => both,
-        Err(_) => [wearer.clone(), who.avatar.dressing(wearer).1],
-    };
-    Ok(CutFor {
-        size: None,
-        measures: who.avatar.measure(&figure),
-        figure,
-        stood,
-        wearer: who.avatar.measure(wearer),
-    })
+    CutFor::new(who, None, other.unwrap_or_else(|_| who.figure.clone()))
 }
 
 /// The fabrics that others lie between: those of real cloth, and the paper one that models are compared
