@@ -2,7 +2,8 @@
 //!
 //! A recording fits the body it was made of, and a fit sees no depth: on somebody else's hips the
 //! same arms end inside, on somebody else's belly the same knee. No cloth can lie there, so thighs
-//! and upper arms turn outward, by as little as is needed.
+//! and upper arms turn outward, by as little as is needed. Upper arms may press on the chest, as
+//! arms do, but not lie in it: whoever is broader than the actor carries them wider.
 
 use glam::{DQuat, DVec3};
 use muslin_geom::Surface;
@@ -18,27 +19,77 @@ const MOST: f64 = 0.6;
 const FAR: f64 = 0.15;
 /// One vertex in so many is looked at.
 const STRIDE: usize = 3;
+/// How deep upper arms may press into the chest [m].
+const PRESS: f64 = 0.01;
+/// Skin of the upper arm is moved by the arm by more than the first share, the chest beside it by
+/// less than the second: between them lies the armpit, which belongs to both.
+const ARM: f64 = 0.7;
+const CHEST: f64 = 0.3;
+/// Skin that was this near at rest is one fold, not two parts [m].
+const SAME: f64 = 0.025;
+/// Nothing that follows the limb by more than this counts as the rest of the body.
+const OTHERS: f64 = 0.02;
 
 /// The limbs that make room, and the room they are to keep: found once, for any number of poses.
 pub struct Limbs(Vec<Limb>);
 
 impl Limbs {
-    /// Legs, then arms, each to keep `room` [m] from the rest of the body.
+    /// Legs, then arms. Shins and feet, forearms and hands are to keep `room` [m] from the rest of
+    /// the body; upper arms may press into the chest by a centimetre.
     ///
     /// Fails on an avatar without the default rig's limbs.
     pub fn new(avatar: &Avatar, room: f64) -> Result<Limbs, BodyError> {
         let arms = [avatar.bone("upperarm01.L")?, avatar.bone("upperarm01.R")?];
+        let of = |bones: &[usize]| -> Vec<f64> {
+            let each: Vec<Vec<f64>> = bones.iter().map(|&b| share_of(avatar, b)).collect();
+            let skin = avatar.part(Part::Body);
+            skin.map(|v| each.iter().map(|share| share[v]).sum())
+                .collect()
+        };
+        let without_arms = Others::new(avatar, &of(&arms), OTHERS);
+        let chest = Others::new(avatar, &of(&arms), CHEST);
+        let sides = [("L", DVec3::X), ("R", DVec3::NEG_X)];
         let mut limbs = Vec::new();
-        // Seen from the side, where legs overlap most often, a leg that gives way sideways stays.
-        for (side, out) in [("L", DVec3::X), ("R", DVec3::NEG_X)] {
+        for (side, out) in sides {
             let thigh = avatar.bone(&format!("upperleg01.{side}"))?;
             let shin = avatar.bone(&format!("lowerleg01.{side}"))?;
-            let apart = [thigh, arms[0], arms[1]];
-            limbs.push(Limb::new(avatar, (thigh, shin), &apart, (room, Some(out))));
+            // Seen from the side, where legs overlap most often, a leg that gives way sideways stays.
+            let lower = Keep {
+                skin: above(&of(&[shin]), 0.5),
+                room,
+                others: Others::new(avatar, &of(&[thigh, arms[0], arms[1]]), OTHERS),
+                out: Some(out),
+            };
+            limbs.push(Limb {
+                pivot: thigh,
+                keeps: vec![lower],
+            });
         }
-        for (side, upper) in ["L", "R"].into_iter().zip(arms) {
-            let lower = avatar.bone(&format!("lowerarm01.{side}"))?;
-            limbs.push(Limb::new(avatar, (upper, lower), &arms, (room, None)));
+        for ((side, out), arm) in sides.into_iter().zip(arms) {
+            let forearm = avatar.bone(&format!("lowerarm01.{side}"))?;
+            let lower = Keep {
+                skin: above(&of(&[forearm]), 0.5),
+                room,
+                others: without_arms.clone(),
+                out: None,
+            };
+            let mut skin = above(&of(&[arm]), ARM);
+            skin.retain(|&v| {
+                chest
+                    .at_rest
+                    .closest(avatar.mean()[v as usize], SAME)
+                    .is_none()
+            });
+            let upper = Keep {
+                skin,
+                room: -PRESS,
+                others: chest.clone(),
+                out: Some(out),
+            };
+            limbs.push(Limb {
+                pivot: arm,
+                keeps: vec![lower, upper],
+            });
         }
         Ok(Limbs(limbs))
     }
@@ -48,8 +99,7 @@ impl Limbs {
         self.0.iter().map(|limb| limb.pivot)
     }
 
-    /// Turns thighs, then upper arms, until shins and feet, forearms and hands have their room;
-    /// says by how much at most [rad].
+    /// Turns thighs, then upper arms, until all have their room; says by how much at most [rad].
     ///
     /// Thighs are left to lie on each other and on the belly: flesh yields there, and a turn that
     /// frees what is next to the hip leads the foot far away. Limbs that would have to turn by more
@@ -63,43 +113,47 @@ impl Limbs {
     }
 }
 
-/// What turns about a joint, and what it must not sink into.
+/// What turns about a joint.
 struct Limb {
     /// The bone that turns.
     pivot: usize,
-    /// Skin vertices, and the room that they must keep [m].
+    keeps: Vec<Keep>,
+}
+
+/// Skin of a limb, and what it must not sink into.
+struct Keep {
+    /// Vertices, and the room that they must have [m].
     skin: Vec<u32>,
     room: f64,
-    /// The rest of the body, ready to be moved into poses, and whether its triangles end where it
-    /// was cut: there, inside and outside cannot be told.
-    others: Surface,
-    at_cut: Vec<bool>,
-    /// Which way out, seen by the bone it hangs on; none: whichever is nearest.
+    others: Others,
+    /// Which way out, seen by the bone that the limb hangs on; none: whichever is nearest.
     out: Option<DVec3>,
 }
 
-impl Limb {
-    /// What follows `lower`, to be kept from all that follows none of the bones `apart`.
-    fn new(
-        avatar: &Avatar,
-        (pivot, lower): (usize, usize),
-        apart: &[usize],
-        (room, out): (f64, Option<DVec3>),
-    ) -> Limb {
-        let lower = share_of(avatar, lower);
-        let skin = avatar.part(Part::Body).filter(|&i| lower[i] > 0.5);
-        let apart: Vec<Vec<f64>> = apart.iter().map(|&b| share_of(avatar, b)).collect();
-        let (others, at_cut) = faces_without(avatar, |v| apart.iter().map(|s| s[v]).sum());
-        Limb {
-            pivot,
-            skin: skin.map(|i| i as u32).collect(),
-            room,
-            others: Surface::new(&avatar.mean()[avatar.part(Part::Body)], &others),
-            at_cut,
-            out,
+/// A part of the body, ready to be moved into poses, and whether its triangles end where it was
+/// cut: there, inside and outside cannot be told.
+#[derive(Clone)]
+struct Others {
+    at_rest: Surface,
+    at_cut: Vec<bool>,
+}
+
+impl Others {
+    /// Triangles none of whose corners follow a limb by `most` of their weight or more.
+    fn new(avatar: &Avatar, limb: &[f64], most: f64) -> Others {
+        let free = |f: &[u32; 3]| f.iter().all(|&v| limb[v as usize] < most);
+        let (kept, cut): (Vec<_>, Vec<_>) = avatar.collision_faces().iter().partition(|f| free(f));
+        let mut rim = vec![false; limb.len()];
+        cut.iter().flatten().for_each(|&v| rim[v as usize] = true);
+        let at_cut = |f: &[u32; 3]| f.iter().any(|&v| rim[v as usize]);
+        Others {
+            at_cut: kept.iter().map(at_cut).collect(),
+            at_rest: Surface::new(&avatar.mean()[avatar.part(Part::Body)], &kept),
         }
     }
+}
 
+impl Limb {
     /// Turns the limb in a pose; says by how much [rad].
     fn make_room(&self, pose: &mut Pose, avatar: &Avatar, figure: &Figure) -> f64 {
         let mut turned = 0.0;
@@ -111,7 +165,8 @@ impl Limb {
             let frame = parent.map_or(DQuat::IDENTITY, |p| {
                 DQuat::from_mat3(&posed.bones[p].matrix3).normalize()
             });
-            let Some((turn, angle)) = self.turn_out(skin, (joint, frame)) else {
+            let turns = (self.keeps.iter()).filter_map(|keep| keep.turn_out(skin, (joint, frame)));
+            let Some((turn, angle)) = turns.max_by(|a, b| a.1.total_cmp(&b.1)) else {
                 break;
             };
             if turned + angle > MOST {
@@ -123,7 +178,9 @@ impl Limb {
         }
         turned
     }
+}
 
+impl Keep {
     /// The turn about `joint` that frees what is deepest, and its angle [rad]; none if all is free.
     /// `frame`: how the bone that the limb hangs on is turned.
     fn turn_out(&self, skin: &[DVec3], (joint, frame): (DVec3, DQuat)) -> Option<(DQuat, f64)> {
@@ -139,11 +196,11 @@ impl Limb {
     /// What the skin vertex with the least room lacks of it [m], where it is [m], and the way out;
     /// none if all have room. Looks at every `stride`th vertex.
     fn worst(&self, skin: &[DVec3], stride: usize) -> Option<(f64, DVec3, DVec3)> {
-        let others = self.others.moved(skin);
+        let others = self.others.at_rest.moved(skin);
         let lack = |&i: &u32| {
             let p = skin[i as usize];
             let hit = others.closest(p, FAR)?;
-            let told = !self.at_cut[hit.face as usize] && hit.signed < self.room;
+            let told = !self.others.at_cut[hit.face as usize] && hit.signed < self.room;
             told.then_some((self.room - hit.signed, p, hit.normal))
         };
         let lacks = self.skin.iter().step_by(stride).filter_map(lack);
@@ -151,17 +208,10 @@ impl Limb {
     }
 }
 
-/// Triangles none of whose corners follow what `share` counts, and which of them lie at the cut.
-fn faces_without(avatar: &Avatar, share: impl Fn(usize) -> f64) -> (Vec<[u32; 3]>, Vec<bool>) {
-    let free = |f: &[u32; 3]| f.iter().all(|&v| share(v as usize) < 0.02);
-    let (kept, cut): (Vec<_>, Vec<_>) = avatar.collision_faces().iter().partition(|f| free(f));
-    let mut rim = vec![false; avatar.part(Part::Body).len()];
-    cut.iter().flatten().for_each(|&v| rim[v as usize] = true);
-    let at_cut = kept
-        .iter()
-        .map(|f: &[u32; 3]| f.iter().any(|&v| rim[v as usize]));
-    let at_cut = at_cut.collect();
-    (kept, at_cut)
+/// Vertices whose share is more than `least`.
+fn above(share: &[f64], least: f64) -> Vec<u32> {
+    let found = share.iter().enumerate().filter(|(_, s)| **s > least);
+    found.map(|(v, _)| v as u32).collect()
 }
 
 /// For every vertex, the weight of a bone and all that descend from it.
@@ -181,10 +231,10 @@ mod tests {
     use super::*;
     use crate::Shape;
 
-    /// What a limb lacks of its room at most [m].
-    fn lack(limb: &Limb, avatar: &Avatar, figure: &Figure, pose: &Pose) -> f64 {
+    /// What skin of a limb lacks of its room at most [m].
+    fn lack(keep: &Keep, avatar: &Avatar, figure: &Figure, pose: &Pose) -> f64 {
         let posed = avatar.pose(figure, pose);
-        let worst = limb.worst(&posed.verts[avatar.part(Part::Body)], 1);
+        let worst = keep.worst(&posed.verts[avatar.part(Part::Body)], 1);
         worst.map_or(0.0, |w| w.0)
     }
 
@@ -199,7 +249,7 @@ mod tests {
         let upper = avatar.bone("upperarm01.L").expect("an arm");
         // The left arm hangs at +X; this brings it down and inward, into the thigh.
         pose.rotations[upper] = DQuat::from_rotation_z(-0.85);
-        let arm = &limbs.0[2];
+        let arm = &limbs.0[2].keeps[0];
         assert!(lack(arm, &avatar, &figure, &pose) > 0.02);
         let turn = limbs.make_room(&mut pose, &avatar, &figure);
         assert!(turn > 0.02 && turn < MOST, "{turn}");
@@ -214,7 +264,7 @@ mod tests {
         let figure = avatar.figure(&shape).expect("a heavy person");
         let thigh = avatar.bone("upperleg01.L").expect("a leg");
         let limbs = Limbs::new(&avatar, 0.01).expect("limbs");
-        let leg = &limbs.0[0];
+        let leg = &limbs.0[0].keeps[0];
         let mut pose = Pose::rest(&avatar);
         pose.rotations[thigh] = DQuat::from_rotation_z(-0.35);
         let before = lack(leg, &avatar, &figure, &pose);
@@ -222,5 +272,35 @@ mod tests {
         let turned = limbs.make_room(&mut pose, &avatar, &figure);
         let after = lack(leg, &avatar, &figure, &pose);
         assert!(after < 0.003 && turned < MOST, "{before} to {after}");
+    }
+
+    #[test]
+    fn broad_people_carry_their_arms_wider_and_others_as_they_were() {
+        let avatar = Avatar::embedded().expect("the embedded body is sound");
+        let limbs = Limbs::new(&avatar, 0.01).expect("limbs");
+        let [left, right] = ["L", "R"].map(|side| {
+            let arm = avatar.bone(&format!("upperarm01.{side}"));
+            arm.expect("an arm")
+        });
+        let mut hanging = Pose::rest(&avatar);
+        hanging.rotations[left] = DQuat::from_rotation_z(-0.72);
+        hanging.rotations[right] = DQuat::from_rotation_z(0.72);
+        let freed = |weight: f64| {
+            let shape = Shape::default().with("weight", weight);
+            let figure = avatar.figure(&shape.expect("a phenotype"));
+            let figure = figure.expect("a person");
+            let mut pose = hanging.clone();
+            let sunk = |pose: &Pose| {
+                let upper = |limb: &Limb| lack(&limb.keeps[1], &avatar, &figure, pose);
+                limbs.0[2..].iter().map(upper).fold(0.0, f64::max)
+            };
+            let before = sunk(&pose);
+            let turned = limbs.make_room(&mut pose, &avatar, &figure);
+            (before, sunk(&pose), turned)
+        };
+        let (before, after, turned) = freed(1.0);
+        assert!(before > 0.012 && after < 0.003, "{before} to {after}");
+        assert!((0.05..MOST).contains(&turned), "{turned}");
+        assert_eq!(freed(0.3).2, 0.0);
     }
 }
