@@ -120,24 +120,67 @@ impl Garment {
     /// The same brought garment in the size of a figure: cut as much longer and wider in every place as the skin
     /// under it is longer and wider than the default body's, whatever it was graded to before. How it lies around
     /// the default body stays. A garment that was cut by a recipe, which fits whoever wears it, stays as it is.
-    pub fn graded(self, avatar: &Avatar, figure: &Figure) -> Result<Garment, GarmentError> {
-        let Some(brought) = self.brought else {
+    ///
+    /// A waistband is of the size of the figure `held_by`, and so is less and less of the cloth below it: too wide
+    /// for who wears it, it is taken in.
+    pub fn graded(
+        self,
+        avatar: &Avatar,
+        (figure, held_by): (&Figure, &Figure),
+    ) -> Result<Garment, GarmentError> {
+        let Some(brought) = &self.brought else {
             return Ok(self);
         };
         let base = avatar.standard()?;
         let map = BodyMap::new(avatar, &base)?;
-        let scale = Stand::new(&map, figure).scale();
-        let moves = brought.moves((&self.binding, &self.offset), (&figure.verts, scale));
-        let pairs = brought.verts.iter().zip(&moves);
-        let there: Vec<DVec3> = pairs.map(|(x, m)| *x + *m).collect();
-        let rest = grown((&self.faces, &self.uv), &brought.verts, &there);
+        let sized = |figure: &Figure| {
+            let scale = Stand::new(&map, figure).scale();
+            let moves = brought.moves((&self.binding, &self.offset), (&figure.verts, scale));
+            let pairs = brought.verts.iter().zip(&moves);
+            let there: Vec<DVec3> = pairs.map(|(x, m)| *x + *m).collect();
+            grown((&self.faces, &self.uv), &brought.verts, &there)
+        };
+        let mut rest = sized(figure);
+        if !self.pins.is_empty() && figure.verts != held_by.verts {
+            let slack = self.slack(&brought.verts);
+            for ((f, rest), band) in self.faces.iter().zip(&mut rest).zip(sized(held_by)) {
+                let t = f.iter().map(|v| slack[*v as usize]).sum::<f64>() / 3.0;
+                *rest = std::array::from_fn(|k| band[k].lerp(rest[k], t));
+            }
+        }
         let faces = self.faces.clone();
         let cloth = Elastic::new(faces, rest, brought.verts.len());
+        let brought = Brought {
+            cloth,
+            ..(**brought).clone()
+        };
         Ok(Garment {
-            brought: Some(Box::new(Brought { cloth, ..*brought })),
+            brought: Some(Box::new(brought)),
             ..self
         })
     }
+}
+
+/// Below a waistband, cloth reaches its own width over this height [m].
+const GATHERED: f64 = 0.12;
+
+impl Garment {
+    /// For each vertex of the garment as it lies at `verts` [m], how far it is from being held: 0 at a waistband,
+    /// 1 from a hand's breadth below it on, and everywhere where nothing is held.
+    pub fn slack(&self, verts: &[DVec3]) -> Vec<f64> {
+        slack(&self.pins, verts)
+    }
+}
+
+fn slack(pins: &[u32], verts: &[DVec3]) -> Vec<f64> {
+    let Some(band) = (pins.iter().map(|i| verts[*i as usize].y)).reduce(f64::min) else {
+        return vec![1.0; verts.len()];
+    };
+    let share = |v: &DVec3| {
+        let t = ((band - v.y) / GATHERED).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    };
+    verts.iter().map(share).collect()
 }
 
 /// Least and most that cloth is cut longer in any direction.
@@ -377,6 +420,15 @@ impl Garment {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_what_lies_at_a_band_is_held() {
+        let verts: Vec<DVec3> = (0..4).map(|k| DVec3::NEG_Y * 0.05 * k as f64).collect();
+        let held = slack(&[0], &verts);
+        assert_eq!((held[0], held[3]), (0.0, 1.0));
+        assert!(held.windows(2).all(|w| w[1] > w[0]));
+        assert_eq!(slack(&[], &verts), [1.0; 4]);
+    }
 
     #[test]
     fn cloth_is_cut_longer_where_and_in_the_direction_that_it_grows() {

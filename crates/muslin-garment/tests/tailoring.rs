@@ -94,15 +94,47 @@ fn a_skirt_graded_to_a_stouter_body_is_cut_wider_and_has_no_more_strain_there() 
         ((sum.0 / sum.1).sqrt(), area.sum::<f64>())
     };
     let (tight, own) = strain(&made, &stout);
-    let graded = made.clone().graded(&avatar, &stout).expect("it is bound");
+    let graded = made
+        .clone()
+        .graded(&avatar, (&stout, &stout))
+        .expect("it is bound");
     let (fits, more) = strain(&graded, &stout);
     assert!(tight > 0.05 && fits < 0.3 * tight, "{tight} {fits}");
     assert!((1.1..1.8).contains(&(more / own)), "{own} {more} m2");
+    // Held by somebody slim, it is taken in at the waist and as wide as it was below.
+    let base = figure(&avatar);
+    let held = made.clone().graded(&avatar, (&stout, &base));
+    let held = held.expect("it is bound");
+    let around = |g: &Garment, opening: Opening| {
+        let worn = g.worn(&avatar, &stout, &[]).expect("worn");
+        let rim = g.rims.iter().find(|r| r.opening == opening);
+        let rim = &rim.expect("a rim").verts;
+        let sides = g.faces.iter().zip(&worn.rest).flat_map(|(f, r)| {
+            (0..3).map(move |k| ([f[k], f[(k + 1) % 3]], r[k].distance(r[(k + 1) % 3])))
+        });
+        let on_rim = sides.filter(|(s, _)| {
+            s.iter().all(|v| rim.contains(v))
+                && g.faces
+                    .iter()
+                    .filter(|f| s.iter().all(|v| f.contains(v)))
+                    .count()
+                    == 1
+        });
+        on_rim.map(|s| s.1).sum::<f64>()
+    };
+    let [slim, wide, taken_in] = [&made, &graded, &held].map(|g| around(g, Opening::Waist));
+    assert!(wide > 1.1 * slim, "{slim} {wide}");
+    assert!((taken_in / slim - 1.0).abs() < 0.01, "{slim} {taken_in}");
+    let [wide, below] = [&graded, &held].map(|g| around(g, Opening::Hem));
+    assert!((below / wide - 1.0).abs() < 1e-9, "{wide} {below}");
     // Not from where it was graded to before, and back on the default body it is what it was.
-    let again = graded.clone().graded(&avatar, &stout).expect("it is bound");
+    let again = graded
+        .clone()
+        .graded(&avatar, (&stout, &stout))
+        .expect("it is bound");
     assert!(again == graded);
     let back = again
-        .graded(&avatar, &figure(&avatar))
+        .graded(&avatar, (&figure(&avatar), &figure(&avatar)))
         .expect("it is bound");
     let (before, after) = (
         made.worn(&avatar, &stout, &[]),
@@ -124,7 +156,12 @@ fn a_skirt_graded_to_a_stouter_body_is_cut_wider_and_has_no_more_strain_there() 
         }),
     );
     let tee = tee.expect("in range");
-    assert!(tee.clone().graded(&avatar, &stout).expect("it is bound") == tee);
+    assert!(
+        tee.clone()
+            .graded(&avatar, (&stout, &stout))
+            .expect("it is bound")
+            == tee
+    );
 }
 
 #[test]

@@ -234,7 +234,7 @@ impl Outfit {
         };
         match options.size {
             Some(_) => outfit.sized(who, options),
-            None => outfit.graded(avatar, figure),
+            None => outfit.graded(avatar, (figure, figure)),
         }
     }
 
@@ -253,17 +253,17 @@ impl Outfit {
         cut_for: Option<CutFor>,
     ) -> Result<Self, Failure> {
         let own = match &cut_for {
-            Some(cut) => self.graded(avatar, &cut.figure)?,
+            Some(cut) => self.graded(avatar, (&cut.figure, cut.held_by()))?,
             None => self,
         };
         Ok(Self { cut_for, ..own })
     }
 
-    /// The same with garments of files in the size of a figure.
-    fn graded(mut self, avatar: &Avatar, figure: &Figure) -> Result<Self, Failure> {
+    /// The same with garments of files in the size of a figure, waistbands in that of who holds them.
+    fn graded(mut self, avatar: &Avatar, sizes: (&Figure, &Figure)) -> Result<Self, Failure> {
         let one = |mut piece: Piece| {
             let name = piece.garment.name.clone();
-            let graded = piece.garment.graded(avatar, figure);
+            let graded = piece.garment.graded(avatar, sizes);
             let fault = |e: GarmentError| Failure::new(Exit::Invalid, "garment", e.to_string());
             piece.garment = graded.map_err(|e| fault(e).at(name))?;
             Ok(piece)

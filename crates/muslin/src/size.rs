@@ -77,7 +77,8 @@ pub(crate) struct CutFor {
     /// As they stand to be dressed.
     pub stood: Figure,
     pub measures: Measures,
-    /// The wearer's.
+    /// Who wears it, at rest.
+    pub worn_by: Figure,
     pub wearer: Measures,
 }
 
@@ -194,6 +195,7 @@ impl CutFor {
             stood: who.avatar.dressing_beside(who.figure, &figure),
             measures: who.avatar.measure(&figure),
             wearer: who.avatar.measure(who.figure),
+            worn_by: who.figure.clone(),
             figure,
         }
     }
@@ -202,6 +204,14 @@ impl CutFor {
     pub fn wider(&self) -> [f64; 3] {
         let (a, b) = (&self.measures, &self.wearer);
         [a.chest - b.chest, a.waist - b.waist, a.hip - b.hip]
+    }
+
+    /// Whose size a waistband has: the wearer's where it would be too wide.
+    pub fn held_by(&self) -> &Figure {
+        match self.measures.waist > self.wearer.waist {
+            true => &self.worn_by,
+            false => &self.figure,
+        }
     }
 
     /// For the report.
@@ -227,7 +237,11 @@ impl CutFor {
     pub fn taken_over(&self, piece: &Piece, (own, cut): (Worn, Worn)) -> Worn {
         let looser = self.wider().iter().sum::<f64>() > 0.0;
         let verts = match looser {
-            true => drawn_in(&piece.garment.pins, &own.verts, &cut.verts),
+            true => {
+                let slack = piece.garment.slack(&own.verts);
+                let pairs = own.verts.iter().zip(&cut.verts).zip(slack);
+                pairs.map(|((own, cut), t)| own.lerp(*cut, t)).collect()
+            }
             false => own.verts,
         };
         Worn {
@@ -235,21 +249,6 @@ impl CutFor {
             rest: cut.rest,
         }
     }
-}
-
-/// Below a band, cloth reaches its own width over this height [m].
-const GATHERED: f64 = 0.12;
-
-/// `wide` cloth, `slim` at its pins and a little below.
-fn drawn_in(pins: &[u32], slim: &[DVec3], wide: &[DVec3]) -> Vec<DVec3> {
-    let Some(band) = (pins.iter().map(|i| slim[*i as usize].y)).reduce(f64::min) else {
-        return wide.to_vec();
-    };
-    let blend = |(s, w): (&DVec3, &DVec3)| {
-        let t = ((band - s.y) / GATHERED).clamp(0.0, 1.0);
-        s.lerp(*w, t * t * (3.0 - 2.0 * t))
-    };
-    slim.iter().zip(wide).map(blend).collect()
 }
 
 #[cfg(test)]
@@ -287,17 +286,5 @@ mod tests {
             assert!((cut.measures.height - 1.7).abs() < 1e-3);
             assert_eq!(cut.wider()[0] > 0.0, size == Size::Xl, "{:?}", cut.wider());
         }
-    }
-
-    #[test]
-    fn wide_cloth_is_drawn_in_at_its_band_only() {
-        let slim: Vec<DVec3> = (0..9)
-            .map(|k| DVec3::new(0.1, -0.05 * f64::from(k), 0.0))
-            .collect();
-        let wide: Vec<DVec3> = slim.iter().map(|p| *p + 0.2 * DVec3::X).collect();
-        let out = drawn_in(&[0], &slim, &wide);
-        assert_eq!((out[0], out[3]), (slim[0], wide[3]));
-        assert!(out.windows(2).all(|w| w[1].x >= w[0].x));
-        assert_eq!(drawn_in(&[], &slim, &wide), wide);
     }
 }
