@@ -275,6 +275,10 @@ pub struct Train {
     /// another fabric, or of fewer motions. Network, `any`s and traits must be the same.
     #[arg(long, value_name = "FILE.muslin")]
     pub from: Option<PathBuf>,
+    /// Teach the garment with edges this long first [mm], as many steps, and begin with what it knows: short
+    /// trainings come farther.
+    #[arg(long, value_name = "MM")]
+    pub coarse: Option<f64>,
     /// Steps of learning.
     #[arg(long, default_value_t = TrainOptions::default().steps)]
     pub steps: u64,
@@ -304,7 +308,7 @@ pub struct Train {
     /// Motions that are not learnt from but judged at the end, named as with --motion.
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub check: Vec<String>,
-    /// Step size of the network [default: 0.001].
+    /// Step size of the network [default: 0.003; of published systems as published].
     #[arg(long)]
     pub rate: Option<f64>,
     /// Where random numbers start.
@@ -610,6 +614,7 @@ impl Train {
                 ..dress
             },
             from: self.from.clone(),
+            coarse: self.coarse.map(|mm| mm / 1000.0),
             any_fabric,
             any_shape: self.shape == Which::Any,
             any_size: self.sizes == Which::Any,

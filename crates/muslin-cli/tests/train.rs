@@ -272,6 +272,58 @@ fn a_training_begins_with_what_coarser_cloth_has_learnt_and_tells_both_their_sou
     assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
 }
 
+#[test]
+fn a_training_begins_coarse_and_goes_on_to_the_same_bytes_wherever_it_was_stopped() {
+    let folder = Folder::new("coarse");
+    let (whole, broken) = (folder.at("whole.muslin"), folder.at("broken.muslin"));
+    let how = "train --motion wave --edge 18 --codes 8 --mixed 80 --poses 40 --steps 20";
+    let first = |more: &str| {
+        let done = typed(&format!("{how} {more} -o {whole}"));
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        let curve = std::fs::read_to_string(folder.at("whole.csv")).expect("written");
+        let row = curve.lines().nth(1).expect("a step");
+        let cost = row.split(',').nth(1).and_then(|x| x.parse::<f64>().ok());
+        cost.expect("a cost")
+    };
+    let (new, begun) = (first(""), first("--coarse 25"));
+    assert!(begun < 0.7 * new, "{begun} {new}");
+    let report = std::fs::read_to_string(folder.at("whole.report.json")).expect("written");
+    assert!(report.contains("\"learnt_coarsely\""), "{report}");
+    let read = |p: &str| std::fs::read(p).expect("written");
+    for in_coarse in [true, false] {
+        let mut run = Command::new(env!("CARGO_BIN_EXE_muslin"));
+        run.args(how.split(' '))
+            .args(["--coarse", "25", "-o", &broken]);
+        run.stderr(Stdio::piped()).stdout(Stdio::null());
+        let mut child = run.spawn().expect("the program starts");
+        let mut told = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+        let there = |l: &Result<String, _>| {
+            l.as_ref()
+                .is_ok_and(|l| l.contains("step ") && l.contains("coarse") == in_coarse)
+        };
+        if told.find(there).is_some() {
+            signal(child.id(), "INT");
+        }
+        told.for_each(drop);
+        let code = child.wait().expect("a child").code();
+        assert!(matches!(code, Some(0 | 130)), "{code:?}");
+        let done = typed(&format!("{how} --coarse 25 --resume -o {broken}"));
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        assert!(read(&whole) == read(&broken), "{in_coarse}: the same bytes");
+        let names = folder.names();
+        assert!(!names.iter().any(|n| n.ends_with(".part")), "{names:?}");
+    }
+    for (wrong, of) in [
+        ("--coarse 18", "no coarser"),
+        ("--coarse 25 --from x.muslin", "not with both"),
+        ("--coarse 80", "--coarse"),
+    ] {
+        let done = typed(&format!("{how} {wrong} -o {broken}"));
+        assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
+        assert!(errors(&done).contains(of), "{}", errors(&done));
+    }
+}
+
 /// A short training of a published system on a coarse tee.
 fn published(system: &str, out: &str, more: &[&str]) -> Output {
     let args = [
@@ -402,6 +454,7 @@ fn options_of_another_trainer_are_refused_by_name() {
         ("pbns", "--fabric", "any"),
         ("ncs", "--shape", "any"),
         ("snug", "--sizes", "any"),
+        ("ncs", "--coarse", "25"),
         ("ncs", "--garment", "shorts,tee"),
     ] {
         let done = published(system, &out, &[option, value]);

@@ -3,7 +3,6 @@
 //! A letter stands for a span of chest girths (EN 13402-3). The garment is cut for somebody in the middle of it who
 //! is otherwise built like the wearer and as tall.
 
-use glam::DVec3;
 use muslin_body::{Avatar, BodyError, Figure, Measures, Shape};
 use muslin_garment::Worn;
 use muslin_geom::Report;

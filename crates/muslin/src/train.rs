@@ -15,6 +15,7 @@ use std::time::Instant;
 use muslin_body::{Avatar, Figure, Motion};
 use muslin_geom::{Report, Value};
 use muslin_io::{Journal, report_json, write_file, write_weights};
+use muslin_model::Model;
 use muslin_train::published::{Published, System};
 use muslin_train::{Told, Trainer, Training};
 
@@ -22,6 +23,7 @@ use crate::animate::read_model;
 use crate::dress::file_failure;
 use crate::failure::Failure;
 use crate::hero::{Hero, avatar_of, body_note, standing};
+use crate::options::DressOptions;
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
 use crate::simulate::expanded;
@@ -62,10 +64,24 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
         report: Report::default(),
         times: Report::default(),
     };
+    let parts = [beside(out, "part"), beside(out, "coarse.part")];
+    if options.resume && !parts.iter().any(|p| p.exists()) {
+        school
+            .watch
+            .warn("nothing to go on from; starting at the first step");
+    }
     let figure = school.body(&avatar)?;
     let (motions, sources) = school.motions(&avatar, &figure)?;
-    let class = school.garment(&avatar, &figure)?;
-    school.teach(&avatar, (motions, sources), (&class, out))
+    let mut class = school.garment(&avatar, &figure)?;
+    if let Some(edge) = options.coarse {
+        let model = school.coarse((&avatar, &figure), &motions, (edge, &parts[1]))?;
+        class.begun = Some(model);
+    }
+    let told = school.teach(&avatar, (motions, sources), (&class, out))?;
+    for part in &parts {
+        Journal::remove(part).map_err(|e| file_failure(&e))?;
+    }
+    Ok(told)
 }
 
 struct School<'a, 'w> {
@@ -162,6 +178,35 @@ impl School<'_, '_> {
         Ok(Box::new(trainer.map_err(|e| failure(&e))?))
     }
 
+    /// What the same garment with edges of `edge` [m] learns in as many steps.
+    fn coarse(
+        &mut self,
+        (avatar, figure): (&Avatar, &Figure),
+        motions: &[Motion],
+        (edge, part): (f64, &Path),
+    ) -> Result<Model, Failure> {
+        let dress = DressOptions {
+            edge,
+            ..self.options.dress.clone()
+        };
+        // What there is to be said of the garment is said of the fine one.
+        let outfit = Outfit::make_for((avatar, self.hero), &dress, |_: &str| ())?;
+        let base = self.hero.map(|h| &h.base);
+        let class = Class::new((avatar, figure), (&outfit, base), self.options)?;
+        let mut trainer = self.trainer((avatar, &class), motions.to_vec())?;
+        let mut log = Log::default();
+        if self.options.resume {
+            resume(&mut *trainer, part, &mut log)?;
+        }
+        let last = self.steps(&mut *trainer, (part, "coarse "), &mut log)?;
+        keep(&*trainer, part, &log)?;
+        let mut r = energies(&last);
+        r.set("edge_mm", edge * 1000.0)
+            .set("steps", last.step as f64);
+        self.report.set("learnt_coarsely", r);
+        Ok(trainer.model(BTreeMap::new()))
+    }
+
     fn teach(
         mut self,
         avatar: &Avatar,
@@ -175,9 +220,9 @@ impl School<'_, '_> {
         let part = beside(out, "part");
         let mut log = Log::default();
         if self.options.resume {
-            resume(&mut *trainer, &part, &mut log, self.watch)?;
+            resume(&mut *trainer, &part, &mut log)?;
         }
-        let last = self.steps(&mut *trainer, &part, &mut log)?;
+        let last = self.steps(&mut *trainer, (&part, ""), &mut log)?;
         self.check((avatar, figure), &*trainer)?;
         let e = last.energies;
         let line = format!(
@@ -223,7 +268,6 @@ impl School<'_, '_> {
         for (path, bytes) in &files {
             write_file(path, bytes).map_err(|e| file_failure(&e))?;
         }
-        Journal::remove(&part).map_err(|e| file_failure(&e))?;
         Ok(Outcome::new(table(&last, &files), &self.report))
     }
 
@@ -255,11 +299,11 @@ impl School<'_, '_> {
         Ok(())
     }
 
-    /// All steps that are left; stops where it is asked to, and keeps what is done.
+    /// All steps that are left, told of as `kind` of steps; stops where it is asked to, and keeps what is done.
     fn steps(
         &mut self,
         trainer: &mut dyn Training,
-        part: &Path,
+        (part, kind): (&Path, &str),
         log: &mut Log,
     ) -> Result<Told, Failure> {
         let mut last = log.last().unwrap_or_default();
@@ -284,7 +328,7 @@ impl School<'_, '_> {
             let each = since.elapsed().as_secs_f64() / done as f64;
             let left = each * (self.options.steps - trainer.steps()) as f64;
             self.watch.progress(&format!(
-                "step {} of {}, {:.4} J a pose, stretch {:.4} J, {:.2} % of the cloth under the skin, {left:.0} s left",
+                "{kind}step {} of {}, {:.4} J a pose, stretch {:.4} J, {:.2} % of the cloth under the skin, {left:.0} s left",
                 last.step, self.options.steps, last.energies.total(), last.energies.membrane, last.under * 100.0
             ));
         }

@@ -8,7 +8,6 @@ use muslin_train::{TrainError, Training};
 use super::log::Log;
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
-use crate::watch::Watch;
 
 /// Bytes that a kept training may have.
 pub(crate) const MOST_BYTES: u64 = 8 << 30;
@@ -18,10 +17,8 @@ pub(super) fn resume(
     trainer: &mut dyn Training,
     part: &Path,
     log: &mut Log,
-    watch: &mut Watch,
 ) -> Result<(), Failure> {
     if !part.exists() {
-        watch.warn("nothing to go on from; starting at the first step");
         return Ok(());
     }
     let input = read_file(part, MOST_BYTES).map_err(|e| file_failure(&e))?;

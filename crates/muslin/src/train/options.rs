@@ -28,6 +28,8 @@ pub struct TrainOptions {
     pub check: Vec<String>,
     /// A model of the same garment to begin with; its triangles may be others.
     pub from: Option<PathBuf>,
+    /// Edge of the coarser cloth [m] that learns as many steps first, and is then begun with.
+    pub coarse: Option<f64>,
     /// Teach any fabric, not only that which is worn.
     pub any_fabric: bool,
     /// Teach any adult body, not only the one that was asked for.
@@ -68,6 +70,7 @@ impl Default for TrainOptions {
             mixed: None,
             check: Vec::new(),
             from: None,
+            coarse: None,
             any_fabric: false,
             any_shape: false,
             any_size: false,
@@ -129,6 +132,11 @@ impl TrainOptions {
             ),
             ("--from", self.from.is_some() && self.system.is_some(), ours),
             (
+                "--coarse",
+                self.coarse.is_some() && self.system.is_some(),
+                ours,
+            ),
+            (
                 "--sizes",
                 self.any_size && (is(System::Ncs) || is(System::Snug)),
                 "our own network and pbns",
@@ -175,6 +183,26 @@ impl TrainOptions {
         }
     }
 
+    /// Refuses a coarse beginning that is none, or one of two.
+    fn begins_once(&self) -> Result<(), Failure> {
+        let Some(edge) = self.coarse else {
+            return Ok(());
+        };
+        let [asked, own] = [edge, self.dress.edge].map(|e| e * 1000.0);
+        within("--coarse", "mm", Some(asked), (5.0, 25.0))?;
+        let fault = |what: String| Failure::new(Exit::Usage, "coarse", what).at("--coarse");
+        if self.from.is_some() {
+            let what = "a training begins with a model or with coarse cloth, not with both";
+            return Err(fault(what.into()).hint("leave out --coarse or --from"));
+        }
+        if asked <= own {
+            let what =
+                format!("edges of {asked} mm are no coarser than the garment's own, {own} mm");
+            return Err(fault(what).hint("take twice as much, as in --coarse 25"));
+        }
+        Ok(())
+    }
+
     /// Refuses numbers out of range and what cannot be taught.
     pub fn check(&self, out: &Path) -> Result<(), Failure> {
         self.dress.check()?;
@@ -186,6 +214,7 @@ impl TrainOptions {
                 fault.hint("leave it out; --fabric any and --sizes any are for characters as well")
             );
         }
+        self.begins_once()?;
         within("--steps", "", Some(self.steps as f64), (1.0, 1e7))?;
         within("--codes", "", self.codes.map(|x| x as f64), (2.0, 512.0))?;
         within("--poses", "", Some(self.poses as f64), (1.0, 1e5))?;
