@@ -15,8 +15,9 @@ const ROUNDS: usize = 10;
 /// Most that a limb turns in a round, and in all [rad].
 const TURN: f64 = 0.12;
 const MOST: f64 = 0.6;
-/// How far the rest of the body is looked for [m].
+/// How far the rest of the body is looked for, and by an upper arm, which is near it anyway [m].
 const FAR: f64 = 0.15;
+const NEAR: f64 = 0.08;
 /// One vertex in so many is looked at.
 const STRIDE: usize = 3;
 /// How deep upper arms may press into the chest [m].
@@ -58,6 +59,7 @@ impl Limbs {
                 skin: above(&of(&[shin]), 0.5),
                 room,
                 others: Others::new(avatar, &of(&[thigh, arms[0], arms[1]]), OTHERS),
+                far: FAR,
                 out: Some(out),
             };
             limbs.push(Limb {
@@ -71,6 +73,7 @@ impl Limbs {
                 skin: above(&of(&[forearm]), 0.5),
                 room,
                 others: without_arms.clone(),
+                far: FAR,
                 out: None,
             };
             let mut skin = above(&of(&[arm]), ARM);
@@ -84,6 +87,7 @@ impl Limbs {
                 skin,
                 room: -PRESS,
                 others: chest.clone(),
+                far: NEAR,
                 out: Some(out),
             };
             limbs.push(Limb {
@@ -126,6 +130,8 @@ struct Keep {
     skin: Vec<u32>,
     room: f64,
     others: Others,
+    /// How far these are looked for [m].
+    far: f64,
     /// Which way out, seen by the bone that the limb hangs on; none: whichever is nearest.
     out: Option<DVec3>,
 }
@@ -199,7 +205,7 @@ impl Keep {
         let others = self.others.at_rest.moved(skin);
         let lack = |&i: &u32| {
             let p = skin[i as usize];
-            let hit = others.closest(p, FAR)?;
+            let hit = others.closest(p, self.far)?;
             let told = !self.others.at_cut[hit.face as usize] && hit.signed < self.room;
             told.then_some((self.room - hit.signed, p, hit.normal))
         };
