@@ -3,12 +3,15 @@
 //! Recordings disagree about rest poses (T, A, or all bones along one axis), joint names and
 //! units, so only what they agree on is used: where the joints are. Hips and shoulders turn
 //! the trunk, and every limb bone points where the recorded one points. Twist about a limb is
-//! taken from the plane in which knee or elbow bends.
+//! taken from the plane in which knee or elbow bends. Feet are as flat as ours where they stand,
+//! and a floor that slopes is levelled.
 
+mod ground;
 mod limb;
 
 use crate::{Avatar, BodyError, Figure, Motion, Pose};
 use glam::{DMat3, DQuat, DVec3};
+use ground::Ground;
 use limb::{Limb, TOES, turn_limb};
 
 pub(crate) use limb::Memory;
@@ -49,7 +52,7 @@ pub struct Recording {
 /// Our body in the stance of `recording`'s frame number `frame`.
 ///
 /// The size is taken from the legs. The body starts over the origin, on the floor where the
-/// recording's feet come lowest, and faces where the recording faces. A frame past the end
+/// recording's feet stand, or else come lowest, and faces where the recording faces. A frame past the end
 /// is the last one. Fails where arms or legs cannot be found by their names.
 pub fn retarget(
     avatar: &Avatar,
@@ -59,7 +62,7 @@ pub fn retarget(
 ) -> Result<Pose, BodyError> {
     let actor = Actor::new(recording)?;
     let target = Target::new(avatar, figure)?;
-    let stance = actor.stance(frame);
+    let stance = actor.grounded(frame, &target.rest);
     let hips = target.hips(&actor, &stance);
     Ok(target.pose(&stance, hips, &mut [Memory::default(); 4]))
 }
@@ -78,7 +81,7 @@ pub fn retarget_all(
     let target = Target::new(avatar, figure)?;
     let mut limbs = [Memory::at(recording.fps); 4];
     let poses = (0..recording.frames.len()).map(|f| {
-        let stance = actor.stance(f);
+        let stance = actor.grounded(f, &target.rest);
         target.pose(&stance, target.hips(&actor, &stance), &mut limbs)
     });
     Ok(Motion {
@@ -123,6 +126,12 @@ impl Stance {
         0.5 * (length(&self.leg[0]) + length(&self.leg[1]))
     }
 
+    /// How far a foot points up [rad]; none where toes are not known.
+    fn foot_up(&self, side: usize) -> Option<f64> {
+        let foot = (self.toe[side]? - self.leg[side][2]).try_normalize()?;
+        Some(foot.y.clamp(-1.0, 1.0).asin())
+    }
+
     fn lowest_ankle(&self) -> f64 {
         self.leg[0][2].y.min(self.leg[1][2].y)
     }
@@ -139,39 +148,68 @@ impl Stance {
     }
 }
 
+/// How many moments of a recording tell where its floor is, at most, and how often feet are looked at to see
+/// whether they move [1/s].
+const MOMENTS: usize = 1000;
+const LOOKS_AHEAD: f64 = 30.0;
+
 /// A recording whose joints are understood.
 struct Actor<'a> {
     recording: &'a Recording,
+    skeleton: Skeleton,
     roles: Roles,
     z_up: bool,
-    floor: f64,
+    ground: Ground,
     start: DVec3,
 }
 
 impl<'a> Actor<'a> {
     fn new(recording: &'a Recording) -> Result<Self, BodyError> {
-        let skeleton = &recording.skeleton;
-        let roles = Roles::find(skeleton)?;
-        let z_up = stands_along_z(skeleton, &roles);
+        let skeleton = with_toes(&recording.skeleton)?;
+        let roles = Roles::find(&skeleton)?;
+        let z_up = stands_along_z(&skeleton, &roles);
         let mut actor = Actor {
             recording,
+            skeleton,
             roles,
             z_up,
-            floor: 0.0,
+            ground: Ground::default(),
             start: DVec3::ZERO,
         };
-        let step = 1 + recording.frames.len() / 200;
-        let sampled = (0..recording.frames.len()).step_by(step);
-        let floor = sampled
-            .map(|f| actor.stance(f).lowest_ankle())
-            .fold(f64::INFINITY, f64::min);
-        actor.floor = if floor.is_finite() { floor } else { 0.0 };
+        actor.ground = Ground::new(&actor.seen());
         actor.start = actor.stance(0).hips();
         Ok(actor)
     }
 
+    /// Moments all along the recording, and how fast feet move in them.
+    fn seen(&self) -> Vec<(Stance, [f64; 2])> {
+        let n = self.recording.frames.len();
+        let fps = self.recording.fps.max(1.0);
+        let ahead = (fps / LOOKS_AHEAD).round().max(1.0) as usize;
+        let look = |f: usize| {
+            let now = self.stance(f);
+            if f + ahead >= n {
+                return (now, [f64::INFINITY; 2]);
+            }
+            let then = self.stance(f + ahead);
+            let speeds = [0, 1].map(|side| {
+                let ankle = now.leg[side][2].distance(then.leg[side][2]);
+                let toes = now.toe[side].zip(then.toe[side]);
+                let toe = toes.map_or(0.0, |(a, b)| a.distance(b));
+                ankle.max(toe) * fps / ahead as f64
+            });
+            (now, speeds)
+        };
+        (0..n).step_by(1 + n / MOMENTS).map(look).collect()
+    }
+
+    /// The stance on a level floor, on feet as flat as those of `rest`.
+    fn grounded(&self, frame: usize, rest: &Stance) -> Stance {
+        self.ground.under(&self.stance(frame), rest)
+    }
+
     fn stance(&self, frame: usize) -> Stance {
-        let skeleton = &self.recording.skeleton;
+        let skeleton = &self.skeleton;
         let rest = Frame {
             translations: skeleton.offsets.clone(),
             rotations: vec![DQuat::IDENTITY; skeleton.names.len()],
@@ -184,6 +222,28 @@ impl<'a> Actor<'a> {
             false => stance,
         }
     }
+}
+
+/// Length of a foot whose end is not told [shins].
+const FOOT_LENGTH: f64 = 0.3;
+
+/// The skeleton with feet that point somewhere: where all bones lie along one axis of their own, and a foot
+/// has no length, its end is on that axis.
+fn with_toes(skeleton: &Skeleton) -> Result<Skeleton, BodyError> {
+    let mut out = skeleton.clone();
+    let roles = Roles::find(skeleton)?;
+    for side in 0..2 {
+        let [_, knee, ankle] = roles.leg[side];
+        let shin = skeleton.offsets[ankle];
+        let along = |j: usize| skeleton.offsets[j].angle_between(shin) < 0.1;
+        let elbow = match roles.arm[side][1] {
+            Spot::Head(j) | Spot::End(j) => j,
+        };
+        if roles.toe[side].is_none() && along(knee) && along(elbow) {
+            out.ends[ankle] = Some(FOOT_LENGTH * shin);
+        }
+    }
+    Ok(out)
 }
 
 /// Heads and ends of all joints in the world; a joint without an end ends at its head.
@@ -474,7 +534,7 @@ impl<'a> Target<'a> {
     fn hips(&self, actor: &Actor, stance: &Stance) -> DVec3 {
         let scale = self.rest.leg_length() / stance.leg_length().max(1e-9);
         let moved = scale * (stance.hips() - actor.start);
-        let height = self.rest.lowest_ankle() + scale * (stance.hips().y - actor.floor);
+        let height = self.rest.lowest_ankle() + scale * (stance.hips().y - actor.ground.floor);
         DVec3::new(moved.x, height, moved.z)
     }
 

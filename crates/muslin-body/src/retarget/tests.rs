@@ -119,3 +119,106 @@ fn a_skeleton_without_arms_is_refused_by_name() {
     let error = retarget(&avatar, &figure, &recording, 0).expect_err("no right elbow");
     assert!(error.to_string().contains("right lowerarm"), "{error}");
 }
+
+/// Somebody who stands still at nine places, a third of a second each, on a floor that rises by `slope` [m/m] along z.
+fn walk(skeleton: &Skeleton, slope: f64) -> Recording {
+    let stand = |k: usize| {
+        let mut frame = Frame {
+            translations: skeleton.offsets.clone(),
+            rotations: vec![DQuat::IDENTITY; skeleton.names.len()],
+        };
+        let ahead = 50.0 * (k / 10) as f64;
+        frame.translations[0] += DVec3::new(0.0, slope * ahead, ahead);
+        frame
+    };
+    Recording {
+        skeleton: skeleton.clone(),
+        fps: 30.0,
+        frames: (0..90).map(stand).collect(),
+    }
+}
+
+/// Heights of the soles along a recording [m], the rest pose's first.
+fn soles(recording: &Recording) -> Vec<f64> {
+    let avatar = Avatar::embedded().expect("the embedded body");
+    let figure = avatar.figure(&Shape::default()).expect("an adult");
+    let motion = retarget_all(&avatar, &figure, recording).expect("a human");
+    let low = |verts: &[DVec3]| {
+        let body = &verts[avatar.part(crate::Part::Body)];
+        body.iter().map(|v| v.y).fold(f64::MAX, f64::min)
+    };
+    let poses = motion.poses.iter().step_by(10);
+    let heights = poses.map(|pose| low(&avatar.pose(&figure, pose).verts));
+    std::iter::once(low(&figure.verts)).chain(heights).collect()
+}
+
+/// How far some heights are from the first of all.
+fn off(heights: &[f64], of: impl Iterator<Item = usize>) -> f64 {
+    of.map(|k| (heights[k] - heights[0]).abs())
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn a_floor_that_slopes_is_levelled_and_a_hill_is_not() {
+    let flat = soles(&walk(&stick(), 0.0));
+    let sloped = soles(&walk(&stick(), 0.02));
+    assert!(off(&flat, 1..10) < 0.006, "{flat:?}");
+    // Eight centimetres in four metres; feet stand too near each other to take all of it out.
+    assert!(off(&sloped, 1..10) < 0.012, "{sloped:?}");
+    let hill = soles(&walk(&stick(), 0.2));
+    assert!(hill[9] - hill[1] > 0.5, "{hill:?}");
+}
+
+#[test]
+fn feet_that_stand_are_flat_however_their_skeleton_is_built() {
+    let mut steep = stick();
+    for (name, at) in steep.names.iter().zip(&mut steep.offsets) {
+        if name.ends_with("ToeBase") {
+            *at = DVec3::new(0.0, -12.0, 12.0);
+        }
+    }
+    let heights = soles(&walk(&steep, 0.0));
+    assert!(off(&heights, 1..10) < 0.006, "{heights:?}");
+    // Feet too short to point anywhere, but all bones lie along their own y.
+    let mut along = stick();
+    let names = along.names.clone();
+    let ends = |name: &str, all: &[&str]| all.iter().any(|e| name.ends_with(e));
+    for (name, at) in names.iter().zip(&mut along.offsets) {
+        if ends(name, &["Leg", "Foot", "Arm", "Hand"]) && !ends(name, &["UpLeg", "tArm"]) {
+            *at = DVec3::Y * at.length();
+        }
+    }
+    let keep: Vec<usize> = (0..names.len())
+        .filter(|&j| !names[j].ends_with("ToeBase"))
+        .collect();
+    let moved = |p: usize| {
+        keep.iter()
+            .position(|&j| j == p)
+            .expect("no toe is a parent")
+    };
+    let along = Skeleton {
+        names: keep.iter().map(|&j| names[j].clone()).collect(),
+        parents: keep.iter().map(|&j| along.parents[j].map(moved)).collect(),
+        offsets: keep.iter().map(|&j| along.offsets[j]).collect(),
+        ends: vec![None; keep.len()],
+    };
+    let mut recording = walk(&along, 0.0);
+    for frame in &mut recording.frames {
+        for (name, turn) in along.names.iter().zip(&mut frame.rotations) {
+            let down = DQuat::from_rotation_arc(DVec3::Y, DVec3::NEG_Y);
+            match name.as_str() {
+                "LeftUpLeg" | "RightUpLeg" => *turn = down,
+                // From down along the shin to ahead and a little down, in the shin's frame.
+                "LeftFoot" | "RightFoot" => {
+                    let foot = DVec3::new(0.0, -0.5, 0.87);
+                    *turn = DQuat::from_rotation_arc(DVec3::Y, down.inverse() * foot);
+                }
+                "LeftArm" => *turn = DQuat::from_rotation_arc(DVec3::Y, DVec3::X),
+                "RightArm" => *turn = DQuat::from_rotation_arc(DVec3::Y, DVec3::NEG_X),
+                _ => {}
+            }
+        }
+    }
+    let heights = soles(&recording);
+    assert!(off(&heights, 1..10) < 0.006, "{heights:?}");
+}
