@@ -47,18 +47,32 @@ impl Limbs {
             skin.map(|v| each.iter().map(|share| share[v]).sum())
                 .collect()
         };
-        let without_arms = Others::new(avatar, &of(&arms), OTHERS);
-        let chest = Others::new(avatar, &of(&arms), CHEST);
         let sides = [("L", DVec3::X), ("R", DVec3::NEG_X)];
+        let thighs = [avatar.bone("upperleg01.L")?, avatar.bone("upperleg01.R")?];
+        let arm = of(&arms);
+        let beside = |thigh: usize| of(&[thigh, arms[0], arms[1]]);
+        let ((without_arms, chest), legs) = rayon::join(
+            || {
+                rayon::join(
+                    || Others::new(avatar, &arm, OTHERS),
+                    || Others::new(avatar, &arm, CHEST),
+                )
+            },
+            || {
+                rayon::join(
+                    || Others::new(avatar, &beside(thighs[0]), OTHERS),
+                    || Others::new(avatar, &beside(thighs[1]), OTHERS),
+                )
+            },
+        );
         let mut limbs = Vec::new();
-        for (side, out) in sides {
-            let thigh = avatar.bone(&format!("upperleg01.{side}"))?;
+        for (((side, out), thigh), others) in sides.into_iter().zip(thighs).zip([legs.0, legs.1]) {
             let shin = avatar.bone(&format!("lowerleg01.{side}"))?;
             // Seen from the side, where legs overlap most often, a leg that gives way sideways stays.
             let lower = Keep {
                 skin: above(&of(&[shin]), 0.5),
                 room,
-                others: Others::new(avatar, &of(&[thigh, arms[0], arms[1]]), OTHERS),
+                others,
                 far: FAR,
                 out: Some(out),
             };

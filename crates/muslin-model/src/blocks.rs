@@ -59,7 +59,7 @@ pub(crate) struct Blocks {
 impl Blocks {
     pub fn new(model: &Model) -> Self {
         let n_codes = model.n_codes() - 1 + n_swings(model);
-        let by_code: Vec<f32> = (0..n_codes).map(|c| column(model, c)).collect();
+        let by_code = largest(model, n_codes);
         let mut out = Self {
             n_verts: model.n_verts(),
             n_codes,
@@ -175,13 +175,17 @@ fn entry(model: &Model, row: usize, c: usize) -> f32 {
     }
 }
 
-/// The largest entry of a code's shape; one where it has none.
-fn column(model: &Model, c: usize) -> f32 {
-    let all = (0..3 * model.n_verts()).map(|row| entry(model, row, c));
-    match all.fold(0.0f32, |a, x| a.max(x.abs())) {
-        0.0 => 1.0,
-        most => most,
+/// The largest entry of every code's shape; one where it has none.
+fn largest(model: &Model, n_codes: usize) -> Vec<f32> {
+    let mut most = vec![0.0f32; n_codes];
+    // Row by row, as they lie in memory.
+    for row in 0..3 * model.n_verts() {
+        for (c, most) in most.iter_mut().enumerate() {
+            *most = most.max(entry(model, row, c).abs());
+        }
     }
+    let sound = |m: f32| if m == 0.0 { 1.0 } else { m };
+    most.into_iter().map(sound).collect()
 }
 
 /// Vertices in an order in which neighbours on the cloth are near, and follow the same bones, most followed first.

@@ -72,7 +72,7 @@ impl<'a> Known<'a> {
         models: Vec<Model>,
     ) -> Option<Self> {
         let measures = avatar.measure(figure);
-        let all = outfit.pieces.iter().zip(worn).zip(models);
+        let all = outfit.pieces.par_iter().zip(worn).zip(models);
         let one = |((piece, worn), model): ((&'a Piece, &Worn), Model)| {
             let of = (&piece.fabric, &measures, outfit.cut_for.as_ref());
             let model = traits::told(fitted(model, &worn.verts), of);
