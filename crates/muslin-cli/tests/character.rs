@@ -167,8 +167,9 @@ fn what_a_character_wears_from_a_file_is_its_size_or_the_labels() {
         tall.0,
         own.0
     );
+    // Its band is taken in.
     assert!(
-        (1.15..2.0).contains(&(wide.0 / own.0)),
+        (1.1..2.0).contains(&(wide.0 / own.0)),
         "{} {}",
         wide.0,
         own.0
