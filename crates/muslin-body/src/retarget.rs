@@ -62,7 +62,7 @@ pub fn retarget(
 ) -> Result<Pose, BodyError> {
     let actor = Actor::new(recording)?;
     let target = Target::new(avatar, figure)?;
-    let stance = actor.grounded(frame, &target.rest);
+    let stance = actor.on_feet(frame, &target.rest);
     let hips = target.hips(&actor, &stance);
     Ok(target.pose(&stance, hips, &mut [Memory::default(); 4]))
 }
@@ -81,7 +81,7 @@ pub fn retarget_all(
     let target = Target::new(avatar, figure)?;
     let mut limbs = [Memory::at(recording.fps); 4];
     let poses = (0..recording.frames.len()).map(|f| {
-        let stance = actor.grounded(f, &target.rest);
+        let stance = actor.on_feet(f, &target.rest);
         target.pose(&stance, target.hips(&actor, &stance), &mut limbs)
     });
     Ok(Motion {
@@ -203,9 +203,9 @@ impl<'a> Actor<'a> {
         (0..n).step_by(1 + n / MOMENTS).map(look).collect()
     }
 
-    /// The stance on a level floor, on feet as flat as those of `rest`.
-    fn grounded(&self, frame: usize, rest: &Stance) -> Stance {
-        self.ground.under(&self.stance(frame), rest)
+    /// The stance on feet as flat as those of `rest`.
+    fn on_feet(&self, frame: usize, rest: &Stance) -> Stance {
+        self.ground.flattened(&self.stance(frame), rest)
     }
 
     fn stance(&self, frame: usize) -> Stance {
@@ -534,7 +534,8 @@ impl<'a> Target<'a> {
     fn hips(&self, actor: &Actor, stance: &Stance) -> DVec3 {
         let scale = self.rest.leg_length() / stance.leg_length().max(1e-9);
         let moved = scale * (stance.hips() - actor.start);
-        let height = self.rest.lowest_ankle() + scale * (stance.hips().y - actor.ground.floor);
+        let level = actor.ground.level(stance.hips()).y - actor.ground.floor;
+        let height = self.rest.lowest_ankle() + scale * level;
         DVec3::new(moved.x, height, moved.z)
     }
 

@@ -93,9 +93,9 @@ impl Ground {
         p - DVec3::Y * (x * p.x + z * p.z)
     }
 
-    /// The stance on a level floor, on feet that are flat where those of `rest` are.
-    pub fn under(&self, stance: &Stance, rest: &Stance) -> Stance {
-        let mut out = stance.map(|p| self.level(p));
+    /// The stance on feet that are flat where those of `rest` are.
+    pub fn flattened(&self, stance: &Stance, rest: &Stance) -> Stance {
+        let mut out = *stance;
         for side in 0..2 {
             let [_, knee, ankle] = out.leg[side];
             let (Some(theirs), Some(ours), Some(toe)) =
