@@ -4,10 +4,11 @@
 //! units, so only what they agree on is used: where the joints are. Hips and shoulders turn
 //! the trunk, and every limb bone points where the recorded one points. Twist about a limb is
 //! taken from the plane in which knee or elbow bends. Feet are as flat as ours where they stand,
-//! and a floor that slopes is levelled.
+//! toes do not dip into the floor, and a floor that slopes is levelled.
 
 mod ground;
 mod limb;
+mod tread;
 
 use crate::{Avatar, BodyError, Figure, Motion, Pose};
 use glam::{DMat3, DQuat, DVec3};
@@ -15,6 +16,7 @@ use ground::Ground;
 use limb::{Limb, TOES, turn_limb};
 
 pub(crate) use limb::Memory;
+use tread::Soles;
 
 /// A tree of named joints. Parents come before their children.
 #[derive(Debug, Clone, Default)]
@@ -64,7 +66,8 @@ pub fn retarget(
     let target = Target::new(avatar, figure)?;
     let stance = actor.on_feet(frame, &target.rest);
     let hips = target.hips(&actor, &stance);
-    Ok(target.pose(&stance, hips, &mut [Memory::default(); 4]))
+    let pose = target.pose(&stance, hips, &mut [Memory::default(); 4]);
+    Ok(Soles::new(avatar, figure)?.lifted(pose))
 }
 
 /// Our body in all stances of `recording`; see [`retarget`].
@@ -79,10 +82,11 @@ pub fn retarget_all(
 ) -> Result<Motion, BodyError> {
     let actor = Actor::new(recording)?;
     let target = Target::new(avatar, figure)?;
+    let soles = Soles::new(avatar, figure)?;
     let mut limbs = [Memory::at(recording.fps); 4];
     let poses = (0..recording.frames.len()).map(|f| {
         let stance = actor.on_feet(f, &target.rest);
-        target.pose(&stance, target.hips(&actor, &stance), &mut limbs)
+        soles.lifted(target.pose(&stance, target.hips(&actor, &stance), &mut limbs))
     });
     Ok(Motion {
         fps: recording.fps,

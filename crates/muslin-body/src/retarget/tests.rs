@@ -222,3 +222,30 @@ fn feet_that_stand_are_flat_however_their_skeleton_is_built() {
     let heights = soles(&recording);
     assert!(off(&heights, 1..10) < 0.006, "{heights:?}");
 }
+
+#[test]
+fn toes_stay_above_the_floor_where_a_heel_comes_up_and_a_foot_in_the_air_points_as_recorded() {
+    let avatar = Avatar::embedded().expect("the embedded body");
+    let figure = avatar.figure(&Shape::default()).expect("an adult");
+    let mut recording = walk(&stick(), 0.0);
+    let names = recording.skeleton.names.clone();
+    let at = |n: &str| names.iter().position(|m| m == n).expect("a joint");
+    let frames = recording.frames.len();
+    // The last two moments: the left heel comes up by 29 degrees, on the floor and then in the air.
+    for (k, frame) in recording.frames[frames - 2..].iter_mut().enumerate() {
+        frame.rotations[at("LeftFoot")] = DQuat::from_rotation_x(0.5);
+        frame.translations[0].y += 40.0 * k as f64;
+    }
+    let motion = retarget_all(&avatar, &figure, &recording).expect("a human");
+    let low = |verts: &[DVec3]| {
+        let body = &verts[avatar.part(crate::Part::Body)];
+        body.iter().map(|v| v.y).fold(f64::MAX, f64::min)
+    };
+    let rest = low(&figure.verts);
+    let dip = rest - low(&avatar.pose(&figure, &motion.poses[frames - 2]).verts);
+    assert!((0.001..0.012).contains(&dip), "{dip}");
+    let foot = avatar.bone("foot.L").expect("a bone");
+    let turned = |f: usize| motion.poses[f].rotations[foot].angle_between(DQuat::IDENTITY);
+    assert!(turned(frames - 1) > 0.45, "{}", turned(frames - 1));
+    assert!(turned(frames - 2) < 0.25, "{}", turned(frames - 2));
+}
