@@ -49,6 +49,21 @@ impl Pose {
     }
 }
 
+impl Pose {
+    /// Turns a bone, and what hangs on it, by `turn` in the world, where its parent is turned by `frame`
+    /// ([`parent_turn`]).
+    pub(crate) fn turn_in_world(&mut self, (bone, frame): (usize, DQuat), turn: DQuat) {
+        let own = &mut self.rotations[bone];
+        *own = (frame.inverse() * turn * frame * *own).normalize();
+    }
+}
+
+/// How the bone that `bone` hangs on is turned, of a body whose bones moved by `bones` ([`Posed::bones`]).
+pub(crate) fn parent_turn(rig: &Rig, bones: &[DAffine3], bone: usize) -> DQuat {
+    let turn = |p: usize| DQuat::from_mat3(&bones[p].matrix3).normalize();
+    rig.bones[bone].parent.map_or(DQuat::IDENTITY, turn)
+}
+
 impl Posed {
     /// Unit normals of the triangles `faces` at every vertex; zero where no face touches.
     pub fn normals(&self, faces: &[[u32; 3]]) -> Vec<DVec3> {

@@ -169,8 +169,8 @@ struct Actor<'a> {
 
 impl<'a> Actor<'a> {
     fn new(recording: &'a Recording) -> Result<Self, BodyError> {
-        let skeleton = with_toes(&recording.skeleton)?;
-        let roles = Roles::find(&skeleton)?;
+        let mut roles = Roles::find(&recording.skeleton)?;
+        let skeleton = with_toes(&recording.skeleton, &mut roles);
         let z_up = stands_along_z(&skeleton, &roles);
         let mut actor = Actor {
             recording,
@@ -233,21 +233,19 @@ const FOOT_LENGTH: f64 = 0.3;
 
 /// The skeleton with feet that point somewhere: where all bones lie along one axis of their own, and a foot
 /// has no length, its end is on that axis.
-fn with_toes(skeleton: &Skeleton) -> Result<Skeleton, BodyError> {
+fn with_toes(skeleton: &Skeleton, roles: &mut Roles) -> Skeleton {
     let mut out = skeleton.clone();
-    let roles = Roles::find(skeleton)?;
     for side in 0..2 {
         let [_, knee, ankle] = roles.leg[side];
         let shin = skeleton.offsets[ankle];
         let along = |j: usize| skeleton.offsets[j].angle_between(shin) < 0.1;
-        let elbow = match roles.arm[side][1] {
-            Spot::Head(j) | Spot::End(j) => j,
-        };
+        let (Spot::Head(elbow) | Spot::End(elbow)) = roles.arm[side][1];
         if roles.toe[side].is_none() && along(knee) && along(elbow) {
             out.ends[ankle] = Some(FOOT_LENGTH * shin);
+            roles.toe[side] = Some(Spot::End(ankle));
         }
     }
-    Ok(out)
+    out
 }
 
 /// Heads and ends of all joints in the world; a joint without an end ends at its head.

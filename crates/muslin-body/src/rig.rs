@@ -52,4 +52,15 @@ impl Rig {
         }
         false
     }
+
+    /// For every vertex, the weight of a bone and all that descend from it.
+    pub(crate) fn share_of(&self, bone: usize) -> Vec<f64> {
+        let sum = |row: &[(u32, f64)]| {
+            row.iter()
+                .filter(|(b, _)| self.descends(*b as usize, bone))
+                .map(|(_, w)| w)
+                .sum()
+        };
+        self.weights.rows().map(sum).collect()
+    }
 }

@@ -5,9 +5,12 @@
 //! and upper arms turn outward, by as little as is needed. Upper arms may press on the chest, as
 //! arms do, but not lie in it: whoever is broader than the actor carries them wider.
 
+use std::sync::Arc;
+
 use glam::{DQuat, DVec3};
 use muslin_geom::Surface;
 
+use crate::pose::parent_turn;
 use crate::{Avatar, BodyError, Figure, Part, Pose};
 
 /// Rounds of looking and turning.
@@ -42,7 +45,7 @@ impl Limbs {
     pub fn new(avatar: &Avatar, room: f64) -> Result<Limbs, BodyError> {
         let arms = [avatar.bone("upperarm01.L")?, avatar.bone("upperarm01.R")?];
         let of = |bones: &[usize]| -> Vec<f64> {
-            let each: Vec<Vec<f64>> = bones.iter().map(|&b| share_of(avatar, b)).collect();
+            let each: Vec<Vec<f64>> = bones.iter().map(|&b| avatar.rig().share_of(b)).collect();
             let skin = avatar.part(Part::Body);
             skin.map(|v| each.iter().map(|share| share[v]).sum())
                 .collect()
@@ -54,8 +57,8 @@ impl Limbs {
         let ((without_arms, chest), legs) = rayon::join(
             || {
                 rayon::join(
-                    || Others::new(avatar, &arm, OTHERS),
-                    || Others::new(avatar, &arm, CHEST),
+                    || Arc::new(Others::new(avatar, &arm, OTHERS)),
+                    || Arc::new(Others::new(avatar, &arm, CHEST)),
                 )
             },
             || {
@@ -72,7 +75,7 @@ impl Limbs {
             let lower = Keep {
                 skin: above(&of(&[shin]), 0.5),
                 room,
-                others,
+                others: Arc::new(others),
                 far: FAR,
                 out: Some(out),
             };
@@ -143,7 +146,7 @@ struct Keep {
     /// Vertices, and the room that they must have [m].
     skin: Vec<u32>,
     room: f64,
-    others: Others,
+    others: Arc<Others>,
     /// How far these are looked for [m].
     far: f64,
     /// Which way out, seen by the bone that the limb hangs on; none: whichever is nearest.
@@ -152,7 +155,6 @@ struct Keep {
 
 /// A part of the body, ready to be moved into poses, and whether its triangles end where it was
 /// cut: there, inside and outside cannot be told.
-#[derive(Clone)]
 struct Others {
     at_rest: Surface,
     at_cut: Vec<bool>,
@@ -181,10 +183,7 @@ impl Limb {
             let posed = avatar.pose(figure, pose);
             let skin = &posed.verts[avatar.part(Part::Body)];
             let joint = posed.bones[self.pivot].transform_point3(figure.joints[self.pivot]);
-            let parent = avatar.rig().bones[self.pivot].parent;
-            let frame = parent.map_or(DQuat::IDENTITY, |p| {
-                DQuat::from_mat3(&posed.bones[p].matrix3).normalize()
-            });
+            let frame = parent_turn(avatar.rig(), &posed.bones, self.pivot);
             let turns = (self.keeps.iter()).filter_map(|keep| keep.turn_out(skin, (joint, frame)));
             let Some((turn, angle)) = turns.max_by(|a, b| a.1.total_cmp(&b.1)) else {
                 break;
@@ -193,8 +192,7 @@ impl Limb {
                 break;
             }
             turned += angle;
-            let own = pose.rotations[self.pivot];
-            pose.rotations[self.pivot] = (frame.inverse() * turn * frame * own).normalize();
+            pose.turn_in_world((self.pivot, frame), turn);
         }
         turned
     }
@@ -232,18 +230,6 @@ impl Keep {
 fn above(share: &[f64], least: f64) -> Vec<u32> {
     let found = share.iter().enumerate().filter(|(_, s)| **s > least);
     found.map(|(v, _)| v as u32).collect()
-}
-
-/// For every vertex, the weight of a bone and all that descend from it.
-fn share_of(avatar: &Avatar, bone: usize) -> Vec<f64> {
-    let rig = avatar.rig();
-    let sum = |row: &[(u32, f64)]| {
-        row.iter()
-            .filter(|(b, _)| rig.descends(*b as usize, bone))
-            .map(|(_, w)| w)
-            .sum()
-    };
-    rig.weights.rows().map(sum).collect()
 }
 
 #[cfg(test)]

@@ -116,25 +116,38 @@ fn signal(id: u32, name: &str) {
     assert!(sent.expect("kill runs").success());
 }
 
+/// Starts the program, stops it by a signal as soon as a line `at` which it is told, and waits for its end.
+fn interrupted(args: &[&str], at: impl Fn(&str) -> bool) {
+    let mut run = Command::new(env!("CARGO_BIN_EXE_muslin"));
+    run.args(args).stderr(Stdio::piped()).stdout(Stdio::null());
+    let mut child = run.spawn().expect("the program starts");
+    let mut told = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+    let there = |l: &Result<String, _>| l.as_ref().is_ok_and(|l| at(l));
+    if told.find(there).is_some() {
+        signal(child.id(), "INT");
+    }
+    told.for_each(drop);
+    let code = child.wait().expect("a child").code();
+    assert!(matches!(code, Some(0 | 130)), "{code:?}");
+}
+
+/// What the first step cost, as a training's curve says.
+fn first_cost(folder: &Folder, curve: &str) -> f64 {
+    let curve = std::fs::read_to_string(folder.at(curve)).expect("written");
+    let first = curve.lines().nth(1).expect("a step");
+    let cost = first.split(',').nth(1).and_then(|x| x.parse().ok());
+    cost.expect("a cost")
+}
+
 #[test]
 fn a_stopped_training_goes_on_to_the_same_bytes() {
     let folder = Folder::new("stopped");
     let (whole, broken) = (folder.at("whole.muslin"), folder.at("broken.muslin"));
     let steps = ["--steps", "30"];
     assert_eq!(train(&whole, &steps).status.code(), Some(0));
-    let mut run = Command::new(env!("CARGO_BIN_EXE_muslin"));
-    run.args(TRAIN).arg(&broken).args(steps);
-    run.stderr(Stdio::piped()).stdout(Stdio::null());
-    let mut child = run.spawn().expect("the program starts");
-    let mut told = BufReader::new(child.stderr.take().expect("a pipe")).lines();
     // Wherever it is stopped, the end is the same; what is not yet done is done again.
-    let began = |l: &Result<String, _>| l.as_ref().is_ok_and(|l| l.contains("step "));
-    if told.find(began).is_some() {
-        signal(child.id(), "INT");
-    }
-    told.for_each(drop);
-    let code = child.wait().expect("a child").code();
-    assert!(matches!(code, Some(0 | 130)), "{code:?}");
+    let args = [&TRAIN[..], &[&broken], &steps].concat();
+    interrupted(&args, |l| l.contains("step "));
     let done = train(&broken, &["--steps", "30", "--resume"]);
     assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
     let read = |p: &str| std::fs::read(p).expect("written");
@@ -250,15 +263,10 @@ fn a_training_begins_with_what_coarser_cloth_has_learnt_and_tells_both_their_sou
     let stretch = |more: &str| {
         let done = typed(&format!("{how} {more} -o {fine}"));
         assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
-        let curve = std::fs::read_to_string(folder.at("fine.csv")).expect("written");
-        let first = curve.lines().nth(1).expect("a step");
-        first.split(',').nth(1).and_then(|x| x.parse::<f64>().ok())
+        first_cost(&folder, "fine.csv")
     };
-    let (new, begun) = (
-        stretch("").expect("a cost"),
-        stretch(&format!("--from {coarse}")),
-    );
-    assert!(begun.expect("a cost") < 0.7 * new, "{begun:?} {new}");
+    let (new, begun) = (stretch(""), stretch(&format!("--from {coarse}")));
+    assert!(begun < 0.7 * new, "{begun} {new}");
     let done = typed(&format!(
         "{how} --motion walk --codes 9 --from {coarse} -o {fine}"
     ));
@@ -280,10 +288,7 @@ fn a_training_begins_coarse_and_goes_on_to_the_same_bytes_wherever_it_was_stoppe
     let first = |more: &str| {
         let done = typed(&format!("{how} {more} -o {whole}"));
         assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
-        let curve = std::fs::read_to_string(folder.at("whole.csv")).expect("written");
-        let row = curve.lines().nth(1).expect("a step");
-        let cost = row.split(',').nth(1).and_then(|x| x.parse::<f64>().ok());
-        cost.expect("a cost")
+        first_cost(&folder, "whole.csv")
     };
     let (new, begun) = (first(""), first("--coarse 25"));
     assert!(begun < 0.7 * new, "{begun} {new}");
@@ -291,22 +296,10 @@ fn a_training_begins_coarse_and_goes_on_to_the_same_bytes_wherever_it_was_stoppe
     assert!(report.contains("\"learnt_coarsely\""), "{report}");
     let read = |p: &str| std::fs::read(p).expect("written");
     for in_coarse in [true, false] {
-        let mut run = Command::new(env!("CARGO_BIN_EXE_muslin"));
-        run.args(how.split(' '))
-            .args(["--coarse", "25", "-o", &broken]);
-        run.stderr(Stdio::piped()).stdout(Stdio::null());
-        let mut child = run.spawn().expect("the program starts");
-        let mut told = BufReader::new(child.stderr.take().expect("a pipe")).lines();
-        let there = |l: &Result<String, _>| {
-            l.as_ref()
-                .is_ok_and(|l| l.contains("step ") && l.contains("coarse") == in_coarse)
-        };
-        if told.find(there).is_some() {
-            signal(child.id(), "INT");
-        }
-        told.for_each(drop);
-        let code = child.wait().expect("a child").code();
-        assert!(matches!(code, Some(0 | 130)), "{code:?}");
+        let args = how.split(' ').chain(["--coarse", "25", "-o", &broken]);
+        interrupted(&args.collect::<Vec<_>>(), |l| {
+            l.contains("step ") && l.contains("coarse") == in_coarse
+        });
         let done = typed(&format!("{how} --coarse 25 --resume -o {broken}"));
         assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
         assert!(read(&whole) == read(&broken), "{in_coarse}: the same bytes");
@@ -422,19 +415,9 @@ fn a_published_training_that_was_stopped_goes_on_to_the_same_bytes() {
     let (whole, broken) = (folder.at("whole.muslin"), folder.at("broken.muslin"));
     let steps = ["--steps", "6", "--mixed", "0"];
     assert_eq!(published("pbns", &whole, &steps).status.code(), Some(0));
-    let mut run = Command::new(env!("CARGO_BIN_EXE_muslin"));
-    run.args(["train", "pbns", "--motion", "wave", "--poses", "16"]);
-    run.args(["--edge", "25", "-o", &broken]).args(steps);
-    run.stderr(Stdio::piped()).stdout(Stdio::null());
-    let mut child = run.spawn().expect("the program starts");
-    let mut told = BufReader::new(child.stderr.take().expect("a pipe")).lines();
-    let began = |l: &Result<String, _>| l.as_ref().is_ok_and(|l| l.contains("garment"));
-    if told.find(began).is_some() {
-        signal(child.id(), "INT");
-    }
-    told.for_each(drop);
-    let code = child.wait().expect("a child").code();
-    assert!(matches!(code, Some(0 | 130)), "{code:?}");
+    let args = ["train", "pbns", "--motion", "wave", "--poses", "16"];
+    let args = [&args[..], &["--edge", "25", "-o", &broken], &steps].concat();
+    interrupted(&args, |l| l.contains("garment"));
     let done = published("pbns", &broken, &[&steps[..], &["--resume"]].concat());
     assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
     let read = |p: &str| std::fs::read(p).expect("written");

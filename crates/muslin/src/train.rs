@@ -64,8 +64,8 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
         report: Report::default(),
         times: Report::default(),
     };
-    let parts = [beside(out, "part"), beside(out, "coarse.part")];
-    if options.resume && !parts.iter().any(|p| p.exists()) {
+    let kept = [beside(out, "part"), beside(out, "coarse.part")];
+    if options.resume && !kept.iter().any(|p| p.exists()) {
         school
             .watch
             .warn("nothing to go on from; starting at the first step");
@@ -74,11 +74,11 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
     let (motions, sources) = school.motions(&avatar, &figure)?;
     let mut class = school.garment(&avatar, &figure)?;
     if let Some(edge) = options.coarse {
-        let model = school.coarse((&avatar, &figure), &motions, (edge, &parts[1]))?;
+        let model = school.coarse((&avatar, &figure), &motions, (edge, &kept[1]))?;
         class.begun = Some(model);
     }
-    let told = school.teach(&avatar, (motions, sources), (&class, out))?;
-    for part in &parts {
+    let told = school.teach(&avatar, (motions, sources), (&class, out, &kept[0]))?;
+    for part in &kept {
         Journal::remove(part).map_err(|e| file_failure(&e))?;
     }
     Ok(told)
@@ -194,11 +194,7 @@ impl School<'_, '_> {
         let base = self.hero.map(|h| &h.base);
         let class = Class::new((avatar, figure), (&outfit, base), self.options)?;
         let mut trainer = self.trainer((avatar, &class), motions.to_vec())?;
-        let mut log = Log::default();
-        if self.options.resume {
-            resume(&mut *trainer, part, &mut log)?;
-        }
-        let last = self.steps(&mut *trainer, (part, "coarse "), &mut log)?;
+        let (last, log) = self.learn(&mut *trainer, (part, "coarse "))?;
         keep(&*trainer, part, &log)?;
         let mut r = energies(&last);
         r.set("edge_mm", edge * 1000.0)
@@ -211,18 +207,13 @@ impl School<'_, '_> {
         mut self,
         avatar: &Avatar,
         (motions, sources): (Vec<Motion>, Vec<String>),
-        (class, out): (&Class, &Path),
+        (class, out, part): (&Class, &Path, &Path),
     ) -> Result<Outcome, Failure> {
         let pupil = &class.pupils[0];
         let figure = &pupil.figure;
         let shown = small::shown(&motions);
         let mut trainer = self.trainer((avatar, class), motions)?;
-        let part = beside(out, "part");
-        let mut log = Log::default();
-        if self.options.resume {
-            resume(&mut *trainer, &part, &mut log)?;
-        }
-        let last = self.steps(&mut *trainer, (&part, ""), &mut log)?;
+        let (last, log) = self.learn(&mut *trainer, (part, ""))?;
         self.check((avatar, figure), &*trainer)?;
         let e = last.energies;
         let line = format!(
@@ -299,13 +290,17 @@ impl School<'_, '_> {
         Ok(())
     }
 
-    /// All steps that are left, told of as `kind` of steps; stops where it is asked to, and keeps what is done.
-    fn steps(
+    /// All steps that are left after what was kept in `part`, told of as `kind` of steps; stops where it is asked
+    /// to, and keeps what is done.
+    fn learn(
         &mut self,
         trainer: &mut dyn Training,
         (part, kind): (&Path, &str),
-        log: &mut Log,
-    ) -> Result<Told, Failure> {
+    ) -> Result<(Told, Log), Failure> {
+        let mut log = Log::default();
+        if self.options.resume {
+            resume(trainer, part, &mut log)?;
+        }
         let mut last = log.last().unwrap_or_default();
         let first = trainer.steps();
         let (since, mut kept) = (Instant::now(), Instant::now());
@@ -313,14 +308,14 @@ impl School<'_, '_> {
             match trainer.step() {
                 Ok(told) => last = told,
                 Err(e) => {
-                    keep(trainer, part, log)?;
+                    keep(trainer, part, &log)?;
                     return Err(failure(&e));
                 }
             }
             log.add(last);
             let go = self.watch.go_on();
             if go.is_err() || kept.elapsed().as_secs_f64() > KEEP_EVERY {
-                keep(trainer, part, log)?;
+                keep(trainer, part, &log)?;
                 kept = Instant::now();
             }
             go.map_err(|f| stopped(f, part, trainer.steps(), self.options.steps))?;
@@ -332,7 +327,7 @@ impl School<'_, '_> {
                 last.step, self.options.steps, last.energies.total(), last.energies.membrane, last.under * 100.0
             ));
         }
-        Ok(last)
+        Ok((last, log))
     }
 
     /// What the file says of itself.

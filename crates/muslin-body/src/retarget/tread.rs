@@ -5,6 +5,7 @@
 
 use glam::{DQuat, DVec3};
 
+use crate::pose::parent_turn;
 use crate::{Avatar, BodyError, Figure, Part, Pose};
 
 /// How deep toes may press into the floor [m].
@@ -34,15 +35,10 @@ struct Foot {
 impl<'a> Soles<'a> {
     /// Of a figure at rest, which stands on its floor.
     pub fn new(avatar: &'a Avatar, figure: &'a Figure) -> Result<Self, BodyError> {
-        let rig = avatar.rig();
         let foot = |side: &str| {
             let bone = avatar.bone(&format!("foot.{side}"))?;
-            let follows = |v: &usize| {
-                let own = rig.weights.row(*v).iter();
-                let own = own.filter(|(b, _)| rig.descends(*b as usize, bone));
-                own.map(|(_, w)| w).sum::<f64>() > 0.5
-            };
-            let skin = avatar.part(Part::Body).filter(follows);
+            let share = avatar.rig().share_of(bone);
+            let skin = avatar.part(Part::Body).filter(|&v| share[v] > 0.5);
             let ankle = figure.joints[bone];
             let toes = skin.map(|v| figure.verts[v]);
             let toes = toes.filter(|p| p.y < ankle.y && p.z > ankle.z);
@@ -82,13 +78,9 @@ impl<'a> Soles<'a> {
                 };
                 let angle = lack.atan2(reach).min(MOST - bent);
                 bent += angle;
-                let parent = self.avatar.rig().bones[foot.bone].parent;
-                let frame = parent.map_or(DQuat::IDENTITY, |p| {
-                    DQuat::from_mat3(&bones[p].matrix3).normalize()
-                });
-                let turn = frame.inverse() * DQuat::from_axis_angle(axis, angle) * frame;
-                let own = &mut pose.rotations[foot.bone];
-                *own = (turn * *own).normalize();
+                let frame = parent_turn(self.avatar.rig(), &bones, foot.bone);
+                let turn = DQuat::from_axis_angle(axis, angle);
+                pose.turn_in_world((foot.bone, frame), turn);
             }
         }
         pose
