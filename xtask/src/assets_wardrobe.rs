@@ -35,7 +35,7 @@ const HOW: [&str; 10] = [
 const COARSE: [&str; 4] = ["--edge", "20", "--steps", "2500"];
 const FINE: [&str; 2] = ["--steps", "1500"];
 const ON: [&str; 2] = ["--steps", "4000"];
-const ALONE: [&str; 2] = ["--steps", "3000"];
+const ALONE: [&str; 2] = ["--steps", "6000"];
 
 /// The recordings in a folder.
 fn recordings(folder: &Path) -> Result<Vec<PathBuf>, String> {

@@ -51,7 +51,8 @@ pub struct Plan {
     /// Distance at which skin begins to push cloth [m]; the solver's own, so that both come to rest at
     /// the same place.
     pub gap: f64,
-    /// Largest stiffness of skin [N/m] per vertex.
+    /// Largest stiffness of skin [N/m] per vertex: half of the solver's. Walls push one way, so that the firmer they are,
+    /// the farther what is predicted inexactly stays off them.
     pub skin: f64,
     /// Cloth that is stiffer in its plane than this [N/m] is taught as if it were this stiff. Either
     /// hardly stretches under its weight; but what a network leaves of stretch would otherwise cost so much
@@ -61,8 +62,9 @@ pub struct Plan {
     /// itself by and by: soft cloth crumples through itself before the network knows where it hangs. A training
     /// that begins with a model has that behind it.
     pub firm: f64,
-    /// Cost of stretch and contact [J] beyond which a pose counts for less and less: its weight is
-    /// this over its cost, so that a few impossible poses do not drown the others.
+    /// Cost of stretch and contact [J] beyond which a pose counts for less and less: its weight is this over its
+    /// cost, to the power of 1.5. Cloth that is predicted badly hangs too high, in all poses alike: what a few impossible
+    /// poses ask for would lift it in those that are easy.
     pub fair: f64,
     /// How much is added at random to what the network is told of a pose, in every step anew, as a share of how much
     /// that differs from pose to pose: poses that are nearer to each other than this are to give much the same cloth,
@@ -84,11 +86,11 @@ impl Default for Plan {
             momentum: 0.8,
             damping: 0.03,
             gap: 3e-3,
-            skin: 400.0,
+            skin: 200.0,
             stiffest: 1000.0,
             firm: 1000.0,
-            fair: 0.1,
-            blur: 0.1,
+            fair: 0.01,
+            blur: 0.05,
             seed: 1,
         }
     }

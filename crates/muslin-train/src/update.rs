@@ -21,7 +21,7 @@ const FLOOR: f64 = 3e-2;
 const SOFT_START: f32 = 0.2;
 const HARDENED: f32 = 0.4;
 /// Shares of the steps between which firm cloth becomes as soft as it is.
-const SOFTENS: [f64; 2] = [0.3, 0.6];
+const SOFTENS: [f64; 2] = [0.1, 0.3];
 /// Share of the steps at the end in which step sizes fall.
 const FADE: f32 = 0.4;
 

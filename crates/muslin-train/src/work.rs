@@ -16,6 +16,9 @@ use crate::wearer::Wearer;
 /// Stiffness of a pin [N/m], as in the solver.
 const PIN: f32 = 100.0;
 
+/// Power of a hard pose's weight: one, and twice as far from the cloth's ease counts half; more, and less than that.
+const FAIRNESS: f32 = 1.5;
+
 /// The entries of a symmetric 3 × 3 matrix that are kept.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
 
@@ -227,9 +230,11 @@ impl Trainer<'_> {
             inertia: 0.0,
         };
         let hard = sums[0] + sums[3];
-        work.counts = hard
-            .0
-            .map(|e| (self.plan.fair as f32 / e.max(1e-9)).min(1.0));
+        work.counts = hard.0.map(|e| {
+            (self.plan.fair as f32 / e.max(1e-9))
+                .min(1.0)
+                .powf(FAIRNESS)
+        });
         work.under = mean(under) / n as f64;
         let sound = |row: &Row| row.iter().all(|x| x.is_finite());
         work.broken = g.iter().position(|row| !sound(row)).map(|at| at / 3);
