@@ -16,7 +16,7 @@ use crate::wearer::Wearer;
 /// Stiffness of a pin [N/m], as in the solver.
 const PIN: f32 = 100.0;
 
-/// Power of a hard pose's weight: one, and twice as far from the cloth's ease counts half; more, and less than that.
+/// The power at which a hard pose's weight falls with what it costs ([`crate::Plan::fair`]).
 const FAIRNESS: f32 = 1.5;
 
 /// The entries of a symmetric 3 × 3 matrix that are kept.
