@@ -11,6 +11,7 @@ use glam::{DMat3, Mat3A, Vec3, Vec3A};
 use crate::{
     bending::Bending,
     matrix::{Matrix, STENCIL, narrow},
+    ordered,
     pattern::{Pattern, Rows},
 };
 
@@ -258,15 +259,22 @@ fn inverse_wholes(matrix: &Matrix<'_>) -> Vec<Mat3A> {
 pub(crate) fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<Mat3A>> {
     use rayon::prelude::*;
     let near = &matrix.pattern.near;
+    let own = ordered::map(matrix.pattern.diagonal.len(), |i| matrix.stretched(i));
     let row = |a: usize| {
         let whole = |k: &f32| Mat3A::from_diagonal(Vec3::splat(*k));
         let mut row: Vec<Mat3A> = handles.bent[a].iter().map(whole).collect();
         let mut add = |j: u32, block: Mat3A| {
-            let before = handles.row(j as usize).take_while(|h| h.0 <= a);
-            before.for_each(|(b, other)| row[b] += block * other);
+            let span = handles.of.span(j as usize);
+            let of = &handles.of.items[span.clone()];
+            for (b, other) in of.iter().zip(&handles.shares[span]) {
+                let Some(sum) = row.get_mut(*b as usize) else {
+                    return;
+                };
+                *sum += block * *other;
+            }
         };
         for &(i, share) in &handles.moved[a] {
-            add(i, matrix.stretched(i as usize) * share);
+            add(i, own[i as usize] * share);
             for k in near.span(i as usize).filter(|k| near.items[*k] != i) {
                 add(near.items[k], matrix.blocks[k] * share);
             }
@@ -296,49 +304,58 @@ pub(crate) fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<Mat3A>> {
     rows
 }
 
-/// A Cholesky factor: the rows of `L`, up to the diagonal.
+/// A Cholesky factor: the columns of `L`, from the diagonal on.
 #[derive(Clone, Debug)]
 pub(crate) struct Factor(Vec<Vec<f32>>);
 
 impl Factor {
     /// Factors a matrix of 3×3 blocks given up to the diagonal; none if it is not positive.
     fn new(blocks: &[Vec<Mat3A>]) -> Option<Factor> {
-        let mut rows: Vec<Vec<f32>> = Vec::with_capacity(3 * blocks.len());
-        for block_row in blocks {
-            for r in 0..3 {
-                let i = rows.len();
-                let mut row: Vec<f32> = Vec::with_capacity(i + 1);
-                for j in 0..=i {
-                    let here = block_row[j / 3].col(j % 3)[r];
-                    let left = here - dot(&row[..j], rows.get(j).map_or(&row[..j], |l| &l[..j]));
-                    row.push(match rows.get(j) {
-                        Some(l) => left / l[j],
-                        None if left > 0.0 => left.sqrt(),
-                        None => return None,
-                    });
+        let n = 3 * blocks.len();
+        let mut cols: Vec<Vec<f32>> = Vec::with_capacity(n);
+        for j in 0..n {
+            let below = (j..n).map(|i| blocks[i / 3][j / 3].col(j % 3)[i % 3]);
+            let mut col: Vec<f32> = below.collect();
+            // Four columns at a time: one alone spends its time on fetching and putting back.
+            let (fours, rest) = cols.as_chunks::<4>();
+            for (k, four) in fours.iter().enumerate() {
+                let [a, b, c, d] = std::array::from_fn(|m| &four[m][j - 4 * k - m..]);
+                let [ka, kb, kc, kd] = [a[0], b[0], c[0], d[0]];
+                let four = a.iter().zip(b).zip(c.iter().zip(d));
+                for (x, ((a, b), (c, d))) in col.iter_mut().zip(four) {
+                    *x -= (ka * a + kb * b) + (kc * c + kd * d);
                 }
-                rows.push(row);
             }
+            for (k, one) in (cols.len() - rest.len()..).zip(rest) {
+                less(&mut col, one[j - k], &one[j - k..]);
+            }
+            if col[0].is_nan() || col[0] <= 0.0 {
+                return None;
+            }
+            let root = col[0].sqrt();
+            col.iter_mut().for_each(|x| *x /= root);
+            cols.push(col);
         }
-        Some(Factor(rows))
+        Some(Factor(cols))
     }
 
     fn solve(&self, b: &[Vec3A]) -> Vec<Vec3A> {
         let mut y: Vec<f32> = b.iter().flat_map(|b| b.to_array()).collect();
-        for i in 0..y.len() {
-            let row = &self.0[i];
-            y[i] = (y[i] - dot(&row[..i], &y[..i])) / row[i];
+        for (j, col) in self.0.iter().enumerate() {
+            y[j] /= col[0];
+            let here = y[j];
+            less(&mut y[j + 1..], here, &col[1..]);
         }
-        for i in (0..y.len()).rev() {
-            let row = &self.0[i];
-            let (before, here) = y.split_at_mut(i);
-            here[0] /= row[i];
-            for (y, l) in before.iter_mut().zip(row) {
-                *y -= l * here[0];
-            }
+        for (j, col) in self.0.iter().enumerate().rev() {
+            y[j] = (y[j] - dot(&col[1..], &y[j + 1..])) / col[0];
         }
         y.as_chunks().0.iter().map(|c| Vec3A::from(*c)).collect()
     }
+}
+
+/// Takes `k b` from `a`.
+fn less(a: &mut [f32], k: f32, b: &[f32]) {
+    a.iter_mut().zip(b).for_each(|(a, b)| *a -= k * b);
 }
 
 /// `a · b`, sixteen products side by side.
@@ -350,8 +367,15 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
             sums[k] += a[k] * b[k];
         }
     }
-    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    sums.iter().sum::<f32>() + rest
+    for ((sum, a), b) in sums.iter_mut().zip(a_rest).zip(b_rest) {
+        *sum += a * b;
+    }
+    for half in [8, 4, 2, 1] {
+        for k in 0..half {
+            sums[k] += sums[k + half];
+        }
+    }
+    sums[0]
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! out side by side. Seen along the fan's mean normal such faces do not overlap; then features
 //! without a common vertex are at least as far apart as the fan's smallest height.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::{ordered, weave::Weave};
 
@@ -30,8 +30,8 @@ pub(crate) fn open(
             let (f, k) = (weave.faces[*c as usize / 3], *c as usize % 3);
             [1, 2].map(|n| f[(k + n) % 3] as usize)
         };
-        let stray = corners.iter().flat_map(others);
-        let stray = stray.map(|j| (moves[j] - moves[i]).length_squared());
+        let around = weave.pattern.near.row(i).iter();
+        let stray = around.map(|j| (moves[*j as usize] - moves[i]).length_squared());
         let room = SPARE * (reach + 2.0 * stray.fold(0.0, f64::max).sqrt());
         // The two sides of every face that start here.
         let mut all = [[DVec3::ZERO; 2]; FACES];
@@ -42,22 +42,25 @@ pub(crate) fn open(
             let [b, c] = others(c);
             *sides = [x[b] - x[i], x[c] - x[i]];
         }
-        let sides = || all.iter().copied();
-        let normals = sides().map(|[b, c]| b.cross(c));
-        let mean = normals.sum::<DVec3>().normalize_or_zero();
+        let normals = all.iter().map(|[b, c]| b.cross(*c));
+        let Some(mean) = normals.sum::<DVec3>().try_normalize() else {
+            return false;
+        };
         // Seen along the mean normal: what lies in its direction does not count.
-        let dot = |a: DVec3, b: DVec3| a.dot(b) - a.dot(mean) * b.dot(mean);
-        let area = |a: DVec3, b: DVec3| mean.dot(a.cross(b));
+        let (right, up) = mean.any_orthonormal_pair();
+        let seen = |a: &DVec3| DVec2::new(a.dot(right), a.dot(up));
         // A fan that goes round more than once has two faces over one direction.
-        let mut ahead: Option<DVec3> = None;
+        let mut ahead: Option<DVec2> = None;
         let mut over = 0;
-        let heights = sides().all(|[b, c]| {
-            let twice = area(b, c);
-            let longest = dot(b, b).max(dot(c, c)).max(dot(c - b, c - b));
+        let heights = all.iter().all(|[b, c]| {
+            let [b, c] = [b, c].map(seen);
+            let twice = b.perp_dot(c);
+            let longest = b.length_squared();
+            let longest = longest.max(c.length_squared()).max(b.distance_squared(c));
             let ahead = *ahead.get_or_insert(b);
-            let before = area(b, ahead) >= 0.0;
-            let behind = area(ahead, c) > 0.0;
-            over += usize::from(before && behind && dot(ahead, b + c) > 0.0);
+            let before = b.perp_dot(ahead) >= 0.0;
+            let behind = ahead.perp_dot(c) > 0.0;
+            over += usize::from(before && behind && ahead.dot(b + c) > 0.0);
             twice > 0.0 && twice * twice > room * room * longest
         });
         heights && over <= 1

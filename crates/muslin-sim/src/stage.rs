@@ -211,29 +211,32 @@ impl<'a> Stage<'a> {
         self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
         let all = Aabb::of(&self.x).grown(NEARBY);
         let skin = self.body.now.verts();
-        let fastest = ordered::map(skin.len(), |i| {
+        let needed = ordered::map(skin.len(), |i| {
             let around = Aabb::of(&[skin[i]]).grown(NEARBY);
-            let mut most = 0.0f64;
-            if !all.overlaps(&around) {
-                return most;
+            let allowed = match self.thin.binary_search(&(i as u32)) {
+                Ok(_) => FASTEST_THIN,
+                Err(_) => FASTEST,
+            };
+            let (mut most, mut normal) = (allowed, None);
+            if all.overlaps(&around) {
+                self.tree.near(&around, |f| {
+                    let corners = self.weave.faces[f as usize].map(|v| v as usize);
+                    let way = frame[i] - skin[i] - cloth(corners[0]);
+                    // A normal is dear, and nothing goes farther ahead than it goes at all.
+                    if way.length_squared() <= most * most {
+                        return;
+                    }
+                    let outward = || self.body.now.vertex_normal(i as u32);
+                    let ahead = way.dot(*normal.get_or_insert_with(outward));
+                    if ahead > most && comes_by(way, corners.map(|v| self.x[v] - skin[i])) {
+                        most = ahead;
+                    }
+                });
             }
-            let mut normal = None;
-            self.tree.near(&around, |f| {
-                let normal = normal.get_or_insert_with(|| self.body.now.vertex_normal(i as u32));
-                let corners = self.weave.faces[f as usize].map(|v| v as usize);
-                let way = frame[i] - skin[i] - cloth(corners[0]);
-                let ahead = way.dot(*normal);
-                if ahead > most && comes_by(way, corners.map(|v| self.x[v] - skin[i])) {
-                    most = ahead;
-                }
-            });
-            match self.thin.binary_search(&(i as u32)) {
-                Ok(_) => most * FASTEST / FASTEST_THIN,
-                Err(_) => most,
-            }
+            most / allowed
         });
-        let fastest = fastest.into_iter().fold(0.0, f64::max);
-        ((fastest / FASTEST).ceil() as usize).clamp(1, PIECES)
+        let needed = needed.into_iter().fold(1.0, f64::max);
+        (needed.ceil() as usize).min(PIECES)
     }
 
     /// Takes the body to `frame` and the cloth along with it.
