@@ -117,7 +117,7 @@ pub struct Wearing {
     #[arg(long, visible_alias = "outfit", value_delimiter = ',')]
     pub garment: Vec<String>,
     /// Fabric of every garment that names none (see `muslin list fabrics`), or a file of your own:
-    /// TOML, or U3M's physics.
+    /// TOML, or the physics of a U3M or U3MA.
     #[arg(long)]
     pub fabric: Option<String>,
     /// Whose body.

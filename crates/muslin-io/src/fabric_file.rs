@@ -1,12 +1,14 @@
-//! Fabrics of one's own: a flat TOML file, or the physics of a U3M file.
+//! Fabrics of one's own: a flat TOML file, or the physics of a U3M or U3MA file.
 //!
 //! A fabric file has one `key = value` a line, with the unit in the key's name. `like` names a
 //! preset that supplies whatever is left out. Of TOML 1.0 we read what such a file needs: bare
 //! keys, strings in either quotes, numbers, comments; tables, lists and dates are refused.
 //!
 //! U3M (Unified 3D Material 1.1, Vizoo and Browzwear) keeps physics as JSON under
-//! `custom.browzwear`: g/m², mm, N/m, dyn cm, lengthwise the warp and widthwise the weft.
+//! `custom.browzwear`: g/m², mm, N/m, dyn cm, lengthwise the warp and widthwise the weft. U3MA is an
+//! archive of it and all that it names.
 
+mod archive;
 mod flat;
 
 use std::path::Path;
@@ -29,6 +31,8 @@ pub struct FabricFile {
 
 /// Larger files are no fabric.
 const CAP: u64 = 8 << 20;
+/// Nor are archives that are larger, pictures and all.
+const ARCHIVE_CAP: u64 = 512 << 20;
 
 /// Every key of a fabric file.
 const KEYS: [&str; 14] = [
@@ -51,15 +55,22 @@ const KEYS: [&str; 14] = [
 /// Newton metres in a dyne centimetre.
 const DYNE_CM: f64 = 1e-7;
 
-/// Reads the fabric at `path`: TOML, or JSON as U3M has it, whatever the name ends in.
+/// Reads the fabric at `path`: TOML, JSON as U3M has it, or an archive with such JSON in it, whatever the name ends in
+/// (but that only U3MA may be larger than 8 MiB).
 pub fn read_fabric(path: &Path) -> Result<FabricFile, IoError> {
-    let input = read_file(path, CAP)?;
+    let may_be_large = path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("u3ma"));
+    let input = read_file(path, if may_be_large { ARCHIVE_CAP } else { CAP })?;
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     parse_fabric(&input.file, &stem, &input.bytes)
 }
 
 /// Reads a fabric from bytes; `file` is what errors call it, `stem` the name of one without any.
 pub fn parse_fabric(file: &str, stem: &str, bytes: &[u8]) -> Result<FabricFile, IoError> {
+    if archive::is_archive(bytes) {
+        return checked(file, archive::read(file, bytes)?);
+    }
     let text = std::str::from_utf8(bytes).map_err(|e| {
         let fault = Fault::new("fabric-text", file, "this is not text in UTF-8");
         fault.at(Place::Byte(e.valid_up_to() as u64)).invalid()
@@ -71,6 +82,11 @@ pub fn parse_fabric(file: &str, stem: &str, bytes: &[u8]) -> Result<FabricFile, 
             warnings: Vec::new(),
         },
     };
+    checked(file, read)
+}
+
+/// What was read, if its figures are those of a fabric.
+fn checked(file: &str, read: FabricFile) -> Result<FabricFile, IoError> {
     read.fabric.check().map_err(|e| {
         let fault = Fault::new("fabric-figure", file, e.to_string());
         fault.hint("the unit is in the key's name").invalid()

@@ -5,7 +5,7 @@
 //! Written: stored members in format version 1, the same bytes for the same arrays.
 
 mod npy;
-mod zip;
+pub(crate) mod zip;
 
 use std::collections::BTreeMap;
 

@@ -17,7 +17,10 @@ const NEAR: f64 = 0.014;
 const SAME: f64 = 0.03;
 /// Parts that share more than this of what they follow are one part: a crease in it may well have its
 /// inner sides together, and no wall belongs there.
-const SHARED: f64 = 0.6;
+pub const PARTS: f64 = 0.6;
+/// Parts that share no more than this are limbs, a leg and the other or a forearm and the trunk: nothing lies in folds
+/// between them.
+pub const LIMBS: f64 = 0.3;
 /// Distance that parts keep from each other [m].
 const APART: f64 = 0.003;
 
@@ -39,15 +42,16 @@ impl Folds {
         }
     }
 
-    /// The walls of the vertices that meet another part of the cloth at `x` [m], for a law that
-    /// pushes below a gap of `radius` [m].
-    pub fn find(&self, x: &[DVec3], radius: f64) -> Vec<(u32, Wall)> {
+    /// The walls of the vertices that meet another part of the cloth at `x` [m], with which they share at most `shared`
+    /// ([`PARTS`], [`LIMBS`]) of what they follow, for a law that pushes below a gap of `radius` [m].
+    pub fn find(&self, x: &[DVec3], (radius, shared): (f64, f64)) -> Vec<(u32, Wall)> {
         let surface = self.surface.moved(x);
-        let one = |v: usize| self.meets(&surface, v, radius).map(|w| (v as u32, w));
+        let meets = |v: usize| self.meets(&surface, v, (radius, shared));
+        let one = |v: usize| meets(v).map(|w| (v as u32, w));
         (0..x.len()).filter_map(one).collect()
     }
 
-    fn meets(&self, surface: &Surface, v: usize, radius: f64) -> Option<Wall> {
+    fn meets(&self, surface: &Surface, v: usize, (radius, shared): (f64, f64)) -> Option<Wall> {
         let (p, faces) = (surface.verts()[v], surface.faces());
         let other = |f: u32| {
             let own = faces[f as usize];
@@ -61,7 +65,7 @@ impl Folds {
         };
         let (face, _) = surface.bvh().nearest(p, NEAR * NEAR, other)?;
         let hit = surface.at(p, face);
-        if self.shared(v, faces[face as usize][0] as usize) > SHARED {
+        if self.shared(v, faces[face as usize][0] as usize) > shared {
             return None;
         }
         if surface.vertex_normal(v as u32).dot(hit.normal) > 0.0 {
@@ -118,10 +122,11 @@ pub fn gathered(poses: &[Vec<(u32, Wall)>]) -> Vec<(u32, [Row; 4])> {
 mod tests {
     use super::*;
 
-    /// Two sheets that were far apart at rest, facing each other `gap` apart.
-    fn sheets(gap: f64, bones: u32) -> (Folds, Vec<DVec3>) {
+    /// Two sheets that were far apart at rest, facing each other `gap` apart, and follow one bone by `shared`, each
+    /// its own by the rest.
+    fn sheets(gap: f64, shared: f64) -> (Folds, Vec<DVec3>) {
         let mut weights = Sparse::new();
-        (0..50u32).for_each(|v| weights.push([(v / 25 % bones, 1.0)]));
+        (0..50u32).for_each(|v| weights.push([(0, shared), (1 + v / 25, 1.0 - shared)]));
         let (mut faces, mut rest, mut x) = (Vec::new(), Vec::new(), Vec::new());
         for side in 0..2u32 {
             for i in 0..25u32 {
@@ -146,8 +151,8 @@ mod tests {
     #[test]
     fn parts_too_near_or_through_each_other_are_led_apart_and_others_left_alone() {
         for (gap, pushes) in [(0.01, false), (0.002, true), (-0.004, true)] {
-            let (folds, x) = sheets(gap, 2);
-            let found = folds.find(&x, 0.004);
+            let (folds, x) = sheets(gap, 0.0);
+            let found = folds.find(&x, (0.004, PARTS));
             assert_eq!(found.len(), 50);
             for (v, wall) in found {
                 let n = DVec3::new(f64::from(wall[0]), f64::from(wall[1]), f64::from(wall[2]));
@@ -157,14 +162,14 @@ mod tests {
                 assert_eq!(below, pushes, "gap {gap}");
             }
         }
-        let (folds, x) = sheets(0.002, 1);
+        for (shared, parts, limbs) in [(0.2, 50, 50), (0.5, 50, 0), (0.8, 0, 0)] {
+            let (folds, x) = sheets(0.002, shared);
+            let found = [PARTS, LIMBS].map(|most| folds.find(&x, (0.004, most)).len());
+            assert_eq!(found, [parts, limbs], "creases of one part are left alone");
+        }
+        let (folds, _) = sheets(0.01, 0.0);
         assert!(
-            folds.find(&x, 0.004).is_empty(),
-            "creases of one part are left alone"
-        );
-        let (folds, _) = sheets(0.01, 2);
-        assert!(
-            folds.find(&folds.rest, 0.004).is_empty(),
+            folds.find(&folds.rest, (0.004, PARTS)).is_empty(),
             "nothing meets at rest"
         );
     }

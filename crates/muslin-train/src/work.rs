@@ -5,7 +5,7 @@ use muslin_net::learn::{MlpTape, View, multiply};
 use rayon::prelude::*;
 
 use crate::body::Wall as Plane;
-use crate::folds::gathered;
+use crate::folds::{LIMBS, PARTS, gathered};
 use crate::lanes::{LANES, Lane, Row, Vec3};
 use crate::laws::{self, Wall};
 use crate::pack::Pack;
@@ -111,9 +111,10 @@ impl Trainer<'_> {
         }
     }
 
-    /// Looks for the nearest skin where that is due, and for cloth that meets cloth while it may be anywhere: looked for
-    /// once more in cloth that has become soft, its planes stand in folds, and trainings broke out. Later on the planes of
-    /// then are forgotten, for they hold up cloth that has moved on.
+    /// Looks for the nearest skin and for cloth that meets cloth where that is due, the latter while it may be anywhere
+    /// between all parts, later between limbs alone: looked for everywhere in cloth that has become soft, its planes
+    /// stand in folds, and trainings broke out. Planes that are not found again are forgotten, for they hold up cloth
+    /// that has moved on.
     fn look(&self, pack: &mut Pack, x: &[Row]) {
         let Wearer { body, folds, .. } = &self.wearers[pack.wearer];
         if pack.skins.is_empty() {
@@ -130,8 +131,8 @@ impl Trainer<'_> {
             let one = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
             let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(one).collect();
             let faces = body.nearest(&skins[lane], &x, |v| known(v, lane));
-            let met = is_new.then(|| folds.find(&x, self.plan.gap));
-            (faces, met.unwrap_or_default())
+            let shared = if is_new { PARTS } else { LIMBS };
+            (faces, folds.find(&x, (self.plan.gap, shared)))
         };
         let all: Vec<Met> = (0..LANES).into_par_iter().map(each).collect();
         pack.faces = (0..x.len() / 3)

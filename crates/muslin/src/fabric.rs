@@ -12,11 +12,11 @@ use crate::failure::{Exit, Failure};
 pub(crate) fn is_file(asked: &str) -> bool {
     let kind = Path::new(asked).extension().and_then(|e| e.to_str());
     let kind = kind.map(str::to_lowercase);
-    let known = kind.is_some_and(|k| ["toml", "json", "u3m"].contains(&k.as_str()));
+    let known = kind.is_some_and(|k| ["toml", "json", "u3m", "u3ma"].contains(&k.as_str()));
     known || asked.contains(['/', '\\'])
 }
 
-/// The preset of a name or the fabric of a file (TOML, or U3M's physics), and what there is to say
+/// The preset of a name or the fabric of a file (TOML, or the physics of U3M and U3MA), and what there is to say
 /// about it.
 pub(crate) fn find(asked: &str) -> Result<(Fabric, Vec<String>), Failure> {
     if is_file(asked) {

@@ -115,6 +115,49 @@ fn u3m_physics_is_read_in_its_units_and_says_what_is_left_out() {
     }
 }
 
+/// An archive of these files.
+fn archive(files: &[(&str, &[u8])]) -> Vec<u8> {
+    let mut zip = crate::npz::zip::Writer::default();
+    for (name, data) in files {
+        zip.add(name, data).expect("a small archive");
+    }
+    zip.finish()
+}
+
+#[test]
+fn an_archive_gives_the_physics_in_it_and_names_what_is_wrong() {
+    let looks: (&str, &[u8]) = ("Knit.u3m", b"{\"schema\": \"1.0\", \"material\": {}}");
+    let picture: (&str, &[u8]) = ("textures/knit.jpg", &[0xff, 0xd8]);
+    let physics = ("physics/knit.json", U3M.as_bytes());
+    let read = |files: &[(&str, &[u8])]| parse_fabric("k.u3ma", "k", &archive(files));
+    let both = read(&[picture, looks, physics]).expect("physics beside the looks");
+    assert_eq!(
+        both,
+        parse_fabric("k.u3ma/physics/knit.json", "k", U3M.as_bytes()).expect("sound")
+    );
+    let within = read(&[picture, ("knit.U3M", U3M.as_bytes())]).expect("physics within");
+    assert_eq!(within.fabric.name, "qa-knit");
+    let broken = ("knit.u3m", &b"{\"custom\": {\"browzwear\": {}}}"[..]);
+    for (files, code, says) in [
+        (&[looks, picture][..], "fabric-physics", "Knit.u3m"),
+        (&[picture], "fabric-archive", "no U3M material"),
+        (&[broken], "fabric-missing", "k.u3ma/knit.u3m"),
+        (&[("a.json", &[0xff])], "fabric-text", "k.u3ma/a.json"),
+    ] {
+        let fault = read(files).expect_err(says);
+        assert_eq!(fault.code(), code);
+        let told = format!("{} {fault}", fault.message());
+        assert!(told.contains(says), "{told}");
+    }
+    let whole = archive(&[physics]);
+    for end in 4..whole.len() {
+        assert!(
+            parse_fabric("k.u3ma", "k", &whole[..end]).is_err(),
+            "cut at {end}"
+        );
+    }
+}
+
 #[test]
 fn the_example_that_comes_with_u3m_is_a_light_knit() {
     let Some(data) = std::env::var_os("MUSLIN_DATA") else {
