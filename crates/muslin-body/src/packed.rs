@@ -64,6 +64,11 @@ impl<'a> Reader<'a> {
         Self { rest: bytes }
     }
 
+    /// How many bytes are left.
+    pub fn left(&self) -> usize {
+        self.rest.len()
+    }
+
     fn take(&mut self, n: usize) -> Result<&'a [u8], Damaged> {
         let (head, rest) = self.rest.split_at_checked(n).ok_or(SHORT)?;
         self.rest = rest;

@@ -1,7 +1,9 @@
 //! The points a stadiometer may touch, gathered so that a height costs microseconds.
 
 use crate::groups;
-use crate::{Avatar, AvatarParts, BodyError, Shape};
+use std::sync::OnceLock;
+
+use crate::{Avatar, AvatarParts, BodyError, Shape, Target};
 
 /// The heights of soles and crown, and what changes them.
 #[derive(Clone, Debug)]
@@ -12,24 +14,17 @@ pub(crate) struct Stature {
     mean: Vec<f64>,
     /// How each mode lifts them [m], one mode after the other.
     modes: Vec<f32>,
-    /// How each slider lifts some of them [m] at its upper and at its lower end.
-    targets: Vec<[Vec<(u32, f32)>; 2]>,
+    /// How each slider lifts some of them [m] at its upper and at its lower end, once asked for.
+    targets: OnceLock<Vec<Lifts>>,
 }
+
+/// How some points are lifted [m] at either end of a slider.
+type Lifts = [Vec<(u32, f32)>; 2];
 
 impl Stature {
     /// Gathered from all points.
     pub fn new(parts: &AvatarParts) -> Self {
         let points = groups::stature(parts);
-        let mut place = vec![None; parts.mean.len()];
-        for (k, &i) in points.iter().enumerate() {
-            place[i as usize] = Some(k as u32);
-        }
-        let lifts = |side: &[(u32, [f32; 3])]| {
-            let found = side
-                .iter()
-                .filter_map(|&(i, d)| Some((place[i as usize]?, d[1])));
-            found.collect()
-        };
         let stride = 3 * parts.mean.len().max(1);
         let modes = parts.modes.chunks(stride);
         let at = |mode: &[f32], i: u32| mode[3 * i as usize + 1];
@@ -38,13 +33,20 @@ impl Stature {
             modes: modes
                 .flat_map(|m| points.iter().map(move |&i| at(m, i)))
                 .collect(),
-            targets: parts
-                .targets
-                .iter()
-                .map(|t| [lifts(&t.up), lifts(&t.down)])
-                .collect(),
+            targets: OnceLock::new(),
             points,
         }
+    }
+
+    /// What sliders do to the points, which are in order.
+    fn lifts(&self, targets: &[Target]) -> Vec<Lifts> {
+        let place = |i: u32| Some(self.points.binary_search(&i).ok()? as u32);
+        let lifts = |side: &[(u32, [f32; 3])]| {
+            let found = side.iter().filter_map(|&(i, d)| Some((place(i)?, d[1])));
+            found.collect()
+        };
+        let both = |t: &Target| [lifts(&t.up), lifts(&t.down)];
+        targets.iter().map(both).collect()
     }
 
     /// Adds `Σ w_m mode_m` to the heights.
@@ -67,7 +69,8 @@ impl Avatar {
         for (name, value) in &shape.locals {
             let (index, sense) = self.target_index(name)?;
             let value = value * sense;
-            let [up, down] = &self.stature.targets[index];
+            let gathered = || self.stature.lifts(self.targets());
+            let [up, down] = &self.stature.targets.get_or_init(gathered)[index];
             for &(k, d) in if value < 0.0 { down } else { up } {
                 heights[k as usize] += value.abs() * f64::from(d);
             }

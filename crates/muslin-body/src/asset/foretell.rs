@@ -8,6 +8,7 @@ use crate::BodyError;
 use crate::packed::{Reader, Writer};
 
 /// An order of points, and for each the points that foretell it.
+#[derive(Debug)]
 pub struct Mesh {
     order: Vec<u32>,
     rank: Vec<u32>,
