@@ -184,6 +184,11 @@ fn slug(name: &str) -> String {
     joined.join("-")
 }
 
+fn without_physics(file: &str) -> Fault {
+    let what = "it says how a fabric looks, not how it moves";
+    Fault::new("fabric-physics", file, what)
+}
+
 fn u3m(file: &str, text: &str) -> Result<FabricFile, IoError> {
     let root: Value = serde_json::from_str(text).map_err(|e| {
         Fault::new("fabric-json", file, "this is not JSON")
@@ -194,11 +199,7 @@ fn u3m(file: &str, text: &str) -> Result<FabricFile, IoError> {
     let places = ["", "/physics", "/material/physics"].map(|p| format!("{p}/custom/browzwear"));
     let found = places.iter().find_map(|p| Some((p, root.pointer(p)?)));
     let Some((place, physics)) = found else {
-        let fault = Fault::new(
-            "fabric-physics",
-            file,
-            "it says how a fabric looks, not how it moves",
-        );
+        let fault = without_physics(file);
         let hint = "export it with physics (U3M 1.1), or name the physics file beside it";
         return Err(fault
             .at(Place::Pointer(places[0].clone()))

@@ -1,6 +1,6 @@
 //! Materials that come as one file: U3MA, a ZIP archive of a U3M, its physics and its pictures.
 
-use super::{CAP, FabricFile, u3m};
+use super::{CAP, FabricFile, u3m, without_physics};
 use crate::error::{Fault, IoError, Place};
 use crate::npz::zip::{Member, members, unpack};
 
@@ -41,12 +41,7 @@ pub fn read(file: &str, bytes: &[u8]) -> Result<FabricFile, IoError> {
     }
     let fault = match without.is_empty() {
         true => Fault::new("fabric-archive", file, "no U3M material is in the archive"),
-        false => Fault::new(
-            "fabric-physics",
-            file,
-            "it says how a fabric looks, not how it moves",
-        )
-        .found(without.join(", ")),
+        false => without_physics(file).found(without.join(", ")),
     };
     Err(fault.hint("export it with physics (U3M 1.1)").invalid())
 }
