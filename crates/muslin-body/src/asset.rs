@@ -51,7 +51,7 @@ pub fn decode(bytes: &[u8]) -> Result<AvatarParts, BodyError> {
     read(&packed::unpack(MAGIC, VERSION, bytes, LARGEST)?)
 }
 
-/// The same without its sliders, and they: a third of the work, which most have no use for.
+/// The same without its sliders, and they, still packed: most have no use for them.
 pub(crate) fn decode_but_sliders(bytes: &[u8]) -> Result<(AvatarParts, Sliders), BodyError> {
     let mut raw = packed::unpack(MAGIC, VERSION, bytes, LARGEST)?;
     let mut r = Reader::new(&raw);

@@ -1,8 +1,8 @@
 //! The points a stadiometer may touch, gathered so that a height costs microseconds.
 
-use crate::groups;
 use std::sync::OnceLock;
 
+use crate::groups;
 use crate::{Avatar, AvatarParts, BodyError, Shape, Target};
 
 /// The heights of soles and crown, and what changes them.

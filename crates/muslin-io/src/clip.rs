@@ -299,7 +299,7 @@ pub fn read_clip(path: &Path) -> Result<Clip, IoError> {
     } else {
         let input = read_file(path, MAX_BYTES)?;
         match input.bytes.get(..4) {
-            Some(b"PK\x03\x04") => Clip::from_npz(&input.file, &input.bytes)?,
+            Some(crate::zip::MAGIC) => Clip::from_npz(&input.file, &input.bytes)?,
             Some(b"glTF") => crate::glb::read_moving(&input.file, &input.bytes)?,
             _ => return Err(unknown(&name(path))),
         }

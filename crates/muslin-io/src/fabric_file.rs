@@ -18,6 +18,7 @@ use serde_json::Value;
 
 use crate::error::{Fault, IoError, Place};
 use crate::input::read_file;
+use crate::zip;
 use flat::Flat;
 
 /// A fabric, and what was left out of account to read it.
@@ -68,30 +69,32 @@ pub fn read_fabric(path: &Path) -> Result<FabricFile, IoError> {
 
 /// Reads a fabric from bytes; `file` is what errors call it, `stem` the name of one without any.
 pub fn parse_fabric(file: &str, stem: &str, bytes: &[u8]) -> Result<FabricFile, IoError> {
-    if archive::is_archive(bytes) {
-        return checked(file, archive::read(file, bytes)?);
-    }
-    let text = std::str::from_utf8(bytes).map_err(|e| {
-        let fault = Fault::new("fabric-text", file, "this is not text in UTF-8");
-        fault.at(Place::Byte(e.valid_up_to() as u64)).invalid()
-    })?;
-    let read = match text.trim_start().starts_with('{') {
-        true => u3m(file, text)?,
-        false => FabricFile {
-            fabric: toml(file, stem, text)?,
-            warnings: Vec::new(),
-        },
+    let read = match bytes.starts_with(zip::MAGIC) {
+        true => archive::read(file, bytes)?,
+        false => parse_text(file, stem, text_of(file, bytes)?)?,
     };
-    checked(file, read)
-}
-
-/// What was read, if its figures are those of a fabric.
-fn checked(file: &str, read: FabricFile) -> Result<FabricFile, IoError> {
     read.fabric.check().map_err(|e| {
         let fault = Fault::new("fabric-figure", file, e.to_string());
         fault.hint("the unit is in the key's name").invalid()
     })?;
     Ok(read)
+}
+
+fn text_of<'a>(file: &str, bytes: &'a [u8]) -> Result<&'a str, IoError> {
+    std::str::from_utf8(bytes).map_err(|e| {
+        let fault = Fault::new("fabric-text", file, "this is not text in UTF-8");
+        fault.at(Place::Byte(e.valid_up_to() as u64)).invalid()
+    })
+}
+
+fn parse_text(file: &str, stem: &str, text: &str) -> Result<FabricFile, IoError> {
+    match text.trim_start().starts_with('{') {
+        true => u3m(file, text),
+        false => Ok(FabricFile {
+            fabric: toml(file, stem, text)?,
+            warnings: Vec::new(),
+        }),
+    }
 }
 
 /// The preset that lends what is left out.

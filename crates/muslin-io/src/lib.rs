@@ -28,6 +28,7 @@ mod tensors;
 #[cfg(test)]
 mod testing;
 mod tflite;
+mod zip;
 
 pub use clip::{Clip, read_clip, read_pc2, write_pc2};
 pub use error::{Fault, IoError, Place, name, quote};

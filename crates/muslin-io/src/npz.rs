@@ -5,11 +5,11 @@
 //! Written: stored members in format version 1, the same bytes for the same arrays.
 
 mod npy;
-pub(crate) mod zip;
 
 use std::collections::BTreeMap;
 
 use crate::error::{Fault, IoError, Place};
+use crate::zip;
 
 /// An archive of more unpacked bytes is refused.
 const MAX_BYTES: u64 = 4 << 30;

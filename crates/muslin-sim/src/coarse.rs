@@ -264,14 +264,8 @@ pub(crate) fn seen(matrix: &Matrix<'_>, handles: &Handles) -> Vec<Vec<Mat3A>> {
         let whole = |k: &f32| Mat3A::from_diagonal(Vec3::splat(*k));
         let mut row: Vec<Mat3A> = handles.bent[a].iter().map(whole).collect();
         let mut add = |j: u32, block: Mat3A| {
-            let span = handles.of.span(j as usize);
-            let of = &handles.of.items[span.clone()];
-            for (b, other) in of.iter().zip(&handles.shares[span]) {
-                let Some(sum) = row.get_mut(*b as usize) else {
-                    return;
-                };
-                *sum += block * *other;
-            }
+            let before = handles.row(j as usize).take_while(|h| h.0 <= a);
+            before.for_each(|(b, other)| row[b] += block * other);
         };
         for &(i, share) in &handles.moved[a] {
             add(i, own[i as usize] * share);

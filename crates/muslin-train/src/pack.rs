@@ -69,7 +69,7 @@ impl Pack {
         }
     }
 
-    /// Whether the nearest skin, and for new ones cloth, is to be looked for: often at first, when the cloth moves
+    /// Whether the nearest skin, and cloth that meets cloth, are to be looked for: often at first, when the cloth moves
     /// much. Between these looks skin is followed from triangle to triangle.
     pub fn is_due(&self) -> bool {
         self.is_new() || self.visits.is_multiple_of(16)

@@ -1,16 +1,8 @@
 //! Materials that come as one file: U3MA, a ZIP archive of a U3M, its physics and its pictures.
 
-use super::{CAP, FabricFile, u3m, without_physics};
-use crate::error::{Fault, IoError, Place};
-use crate::npz::zip::{Member, members, unpack};
-
-/// What archives begin with.
-const MAGIC: &[u8] = b"PK\x03\x04";
-
-/// Whether these are the bytes of an archive.
-pub fn is_archive(bytes: &[u8]) -> bool {
-    bytes.starts_with(MAGIC)
-}
+use super::{CAP, FabricFile, text_of, u3m, without_physics};
+use crate::error::{Fault, IoError};
+use crate::zip::{Member, members, unpack};
 
 /// The fabric of the first file in the archive that says how it moves: its U3M files, then its other JSON.
 pub fn read(file: &str, bytes: &[u8]) -> Result<FabricFile, IoError> {
@@ -28,13 +20,8 @@ pub fn read(file: &str, bytes: &[u8]) -> Result<FabricFile, IoError> {
             let fault = fault.found(format!("{} bytes", member.size));
             return Err(fault.allowed(format!("{CAP} bytes")).refused());
         }
-        let text = unpack(bytes, member).map_err(|e| bad(format!("{:?}: {e}", member.name)))?;
-        let text = String::from_utf8(text).map_err(|e| {
-            let at = Place::Byte(e.utf8_error().valid_up_to() as u64);
-            let fault = Fault::new("fabric-text", &name, "this is not text in UTF-8");
-            fault.at(at).invalid()
-        })?;
-        match u3m(&name, &text) {
+        let data = unpack(bytes, member).map_err(|e| bad(format!("{:?}: {e}", member.name)))?;
+        match u3m(&name, text_of(&name, &data)?) {
             Err(e) if e.code() == "fabric-physics" => without.push(member.name.as_str()),
             read => return read,
         }

@@ -117,7 +117,7 @@ fn u3m_physics_is_read_in_its_units_and_says_what_is_left_out() {
 
 /// An archive of these files.
 fn archive(files: &[(&str, &[u8])]) -> Vec<u8> {
-    let mut zip = crate::npz::zip::Writer::default();
+    let mut zip = crate::zip::Writer::default();
     for (name, data) in files {
         zip.add(name, data).expect("a small archive");
     }

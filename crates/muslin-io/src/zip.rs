@@ -7,6 +7,8 @@ use std::io::Read;
 use flate2::Crc;
 use flate2::read::DeflateDecoder;
 
+/// What an archive begins with that has members.
+pub const MAGIC: &[u8] = b"PK\x03\x04";
 /// More members are refused.
 const MAX_MEMBERS: usize = 4096;
 
@@ -185,7 +187,7 @@ impl Writer {
         let mut common = [20u16, 0, 0, 0, 0x21].map(u16::to_le_bytes).concat();
         common.extend([crc.sum(), size, size].map(u32::to_le_bytes).concat());
         common.extend([name.len() as u16, 0].map(u16::to_le_bytes).concat());
-        self.bytes.extend(b"PK\x03\x04");
+        self.bytes.extend(MAGIC);
         self.bytes.extend(&common);
         self.bytes.extend(name.bytes());
         self.bytes.extend(data);
