@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 use muslin_geom::Surface;
+use rayon::prelude::*;
 
 use crate::pose::parent_turn;
 use crate::{Avatar, BodyError, Figure, Part, Pose};
@@ -18,6 +19,8 @@ const ROUNDS: usize = 10;
 /// Most that a limb turns in a round, and in all [rad].
 const TURN: f64 = 0.12;
 const MOST: f64 = 0.6;
+/// How often both arms are looked at, if both turn.
+const ARMS: usize = 3;
 /// How far the rest of the body is looked for, and by an upper arm, which is near it anyway [m].
 const FAR: f64 = 0.15;
 const NEAR: f64 = 0.08;
@@ -39,11 +42,12 @@ pub struct Limbs(Vec<Limb>);
 
 impl Limbs {
     /// Legs, then arms. Shins and feet, forearms and hands are to keep `room` [m] from the rest of
-    /// the body; upper arms may press into the chest by a centimetre.
+    /// the body, but for the other hand; upper arms may press into the chest by a centimetre.
     ///
     /// Fails on an avatar without the default rig's limbs.
     pub fn new(avatar: &Avatar, room: f64) -> Result<Limbs, BodyError> {
         let arms = [avatar.bone("upperarm01.L")?, avatar.bone("upperarm01.R")?];
+        let hands = [avatar.bone("wrist.L")?, avatar.bone("wrist.R")?];
         let of = |bones: &[usize]| -> Vec<f64> {
             let each: Vec<Vec<f64>> = bones.iter().map(|&b| avatar.rig().share_of(b)).collect();
             let skin = avatar.part(Part::Body);
@@ -53,29 +57,30 @@ impl Limbs {
         let sides = [("L", DVec3::X), ("R", DVec3::NEG_X)];
         let thighs = [avatar.bone("upperleg01.L")?, avatar.bone("upperleg01.R")?];
         let arm = of(&arms);
-        let beside = |thigh: usize| of(&[thigh, arms[0], arms[1]]);
-        let ((without_arms, chest), legs) = rayon::join(
+        // What shins, then forearms keep off; hands may meet.
+        let away = [
+            vec![thighs[0], arms[0], arms[1]],
+            vec![thighs[1], arms[0], arms[1]],
+            vec![arms[0], hands[1]],
+            vec![arms[1], hands[0]],
+        ];
+        let (chest, others) = rayon::join(
+            || Arc::new(Others::new(avatar, &arm, CHEST)),
             || {
-                rayon::join(
-                    || Arc::new(Others::new(avatar, &arm, OTHERS)),
-                    || Arc::new(Others::new(avatar, &arm, CHEST)),
-                )
-            },
-            || {
-                rayon::join(
-                    || Others::new(avatar, &beside(thighs[0]), OTHERS),
-                    || Others::new(avatar, &beside(thighs[1]), OTHERS),
-                )
+                let others = away.par_iter();
+                let others = others.map(|bones| Others::new(avatar, &of(bones), OTHERS));
+                others.map(Arc::new).collect::<Vec<_>>()
             },
         );
+        let mut others = others.into_iter();
         let mut limbs = Vec::new();
-        for (((side, out), thigh), others) in sides.into_iter().zip(thighs).zip([legs.0, legs.1]) {
+        for (((side, out), thigh), others) in sides.into_iter().zip(thighs).zip(others.by_ref()) {
             let shin = avatar.bone(&format!("lowerleg01.{side}"))?;
             // Seen from the side, where legs overlap most often, a leg that gives way sideways stays.
             let lower = Keep {
                 skin: above(&of(&[shin]), 0.5),
                 room,
-                others: Arc::new(others),
+                others,
                 far: FAR,
                 out: Some(out),
             };
@@ -84,22 +89,18 @@ impl Limbs {
                 keeps: vec![lower],
             });
         }
-        for ((side, out), arm) in sides.into_iter().zip(arms) {
-            let forearm = avatar.bone(&format!("lowerarm01.{side}"))?;
+        for (((side, out), arm), others) in sides.into_iter().zip(arms).zip(others) {
+            let forearm = of(&[avatar.bone(&format!("lowerarm01.{side}"))?]);
             let lower = Keep {
-                skin: above(&of(&[forearm]), 0.5),
+                skin: above(&forearm, 0.5),
                 room,
-                others: without_arms.clone(),
+                others,
                 far: FAR,
                 out: None,
             };
             let mut skin = above(&of(&[arm]), ARM);
-            skin.retain(|&v| {
-                chest
-                    .at_rest
-                    .closest(avatar.mean()[v as usize], SAME)
-                    .is_none()
-            });
+            let is_one_fold = |v: usize| chest.at_rest.closest(avatar.mean()[v], SAME).is_some();
+            skin.retain(|&v| forearm[v as usize] <= 0.5 && !is_one_fold(v as usize));
             let upper = Keep {
                 skin,
                 room: -PRESS,
@@ -121,16 +122,24 @@ impl Limbs {
     }
 
     /// Turns thighs, then upper arms, until all have their room; says by how much at most [rad].
+    /// Arms that both turned may have met, and are looked at again.
     ///
     /// Thighs are left to lie on each other and on the belly: flesh yields there, and a turn that
     /// frees what is next to the hip leads the foot far away. Limbs that would have to turn by more
     /// than 0.6 rad stay where they got to.
     pub fn make_room(&self, pose: &mut Pose, avatar: &Avatar, figure: &Figure) -> f64 {
-        let turns = self
-            .0
-            .iter()
-            .map(|limb| limb.make_room(pose, avatar, figure));
-        turns.fold(0.0, f64::max)
+        let mut turn = |limb: &Limb| limb.make_room(pose, avatar, figure);
+        let mut turned: Vec<f64> = self.0.iter().map(&mut turn).collect();
+        for _ in 1..ARMS {
+            let [.., first, second] = &turned[..] else {
+                break;
+            };
+            if first.min(*second) == 0.0 {
+                break;
+            }
+            turned.extend(self.0[2..].iter().map(&mut turn));
+        }
+        turned.into_iter().fold(0.0, f64::max)
     }
 }
 
@@ -261,6 +270,31 @@ mod tests {
         assert!(turn > 0.02 && turn < MOST, "{turn}");
         let left = lack(arm, &avatar, &figure, &pose);
         assert!(left < 0.003, "{left}");
+    }
+
+    #[test]
+    fn hands_deep_in_the_belly_and_in_the_other_forearm_come_out() {
+        let avatar = Avatar::embedded().expect("the embedded body is sound");
+        let figure = avatar.figure(&Shape::default()).expect("the default shape");
+        let limbs = Limbs::new(&avatar, 0.01).expect("limbs");
+        let mut pose = Pose::rest(&avatar);
+        // Arms hang, elbows bend forward and inward: forearms lie in the belly and in each other.
+        for (side, out) in [("L", 1.0), ("R", -1.0)] {
+            let bone = |name: &str| avatar.bone(&format!("{name}.{side}")).expect("a bone");
+            let (forward, inward) = (DQuat::from_rotation_x, DQuat::from_rotation_z(-0.6 * out));
+            pose.rotations[bone("upperarm01")] = forward(0.18) * inward;
+            let bent = DQuat::from_rotation_y(-1.2 * out);
+            pose.rotations[bone("lowerarm01")] = forward(0.6) * bent;
+        }
+        let lacks = |pose: &Pose| {
+            let lower = |limb: &Limb| lack(&limb.keeps[0], &avatar, &figure, pose);
+            [lower(&limbs.0[2]), lower(&limbs.0[3])]
+        };
+        let before = lacks(&pose);
+        assert!(before.iter().all(|l| *l > 0.08), "{before:?}");
+        limbs.make_room(&mut pose, &avatar, &figure);
+        let after = lacks(&pose);
+        assert!(after.iter().all(|l| *l < 0.025), "{before:?} to {after:?}");
     }
 
     #[test]
