@@ -9,7 +9,7 @@
 //! set to zero in closed form. It is the exact one where `|F_u| ≥ 1`, `|F_v| ≥ 1` and
 //! `F_u · F_v = 0`; elsewhere it leaves out what would push a compressed yarn sideways.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Mat3A, Vec3, Vec3A};
 
 use crate::{InPlane, Local, RestTriangle, local::spread_stress, outer};
 
@@ -75,6 +75,58 @@ pub fn response(f: &[DVec3; 2], k: &Stretch) -> InPlane {
         out.hessian[2 * i] += hessian;
     }
     out
+}
+
+/// `∂ψ/∂F` as [`stress`] has it, and the Hessian of [`response`] in single precision.
+///
+/// For solvers in which the Hessian decides only how fast they converge.
+#[inline]
+pub fn response_single(f: &[DVec3; 2], k: &Stretch) -> ([DVec3; 2], [Mat3A; 3]) {
+    let [u, v] = *f;
+    let (c, squares) = (u.dot(v), [u.length_squared(), v.length_squared()]);
+    let trace = squares[0] + squares[1];
+    if trace == 0.0 {
+        return ([DVec3::ZERO; 2], [Mat3A::ZERO; 3]);
+    }
+    // The shear's two parts: see `shear`, whose norms are these.
+    let lambda = 0.5 * (trace + (trace * trace + 12.0 * c * c).sqrt());
+    let size = trace * (lambda * lambda + c * c) + 4.0 * lambda * c * c;
+    let steep = (k.shear * lambda / size).sqrt();
+    let along = [v * lambda + u * c, u * lambda + v * c].map(|q| (q * steep).as_vec3a());
+    let (sign, half) = (1.0_f64.copysign(c), 0.5 * k.shear * c.abs());
+    let w = (v + u * sign) * (half / (trace + 2.0 * c.abs())).sqrt();
+    let (w, sign) = (w.as_vec3a(), sign as f32);
+    let mut stress = [v * (k.shear * c), u * (k.shear * c)];
+    let side = |i: usize, stress: &mut DVec3| {
+        let length = squares[i].sqrt();
+        let (stiff, strain) = (k.along(length)[i], length - 1.0);
+        if length == 0.0 {
+            return (Vec3A::ZERO, half as f32);
+        }
+        let d = f[i] / length;
+        *stress += d * (stiff * strain);
+        let across = (stiff * strain / length).max(0.0);
+        (
+            (d * (stiff - across).sqrt()).as_vec3a(),
+            (across + half) as f32,
+        )
+    };
+    let [to_u, to_v] = &mut stress;
+    let yarns = [side(0, to_u), side(1, to_v)];
+    let whole = |i: usize| {
+        let (yarn, across) = yarns[i];
+        let rest = Mat3A::from_diagonal(Vec3::splat(across));
+        outer_single(along[i], along[i]) + outer_single(yarn, yarn) - outer_single(w, w) + rest
+    };
+    let across = Mat3A::from_diagonal(Vec3::splat(half as f32)) - outer_single(w, w);
+    let cross = outer_single(along[0], along[1]) + across * sign;
+    (stress, [whole(0), cross, whole(1)])
+}
+
+/// `a bᵀ`.
+#[inline]
+fn outer_single(a: Vec3A, b: Vec3A) -> Mat3A {
+    Mat3A::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
 /// The exact, possibly indefinite `∂²ψ/∂F²` [N/m]: weft-weft, weft-warp, warp-warp.

@@ -36,7 +36,7 @@ impl StrainLimit {
     /// Whether no stretch of a deformation comes near the start, which most cloth does not: told by what the larger
     /// is at most, `σ₁² ≤ max(|F_u|², |F_v|²) + |F_u · F_v|`.
     #[inline]
-    fn is_far_from(&self, f: &[DVec3; 2]) -> bool {
+    pub fn is_far_from(&self, f: &[DVec3; 2]) -> bool {
         let most = f[0].length_squared().max(f[1].length_squared()) + f[0].dot(f[1]).abs();
         most < (1.0 + self.start) * (1.0 + self.start) * (1.0 - 1e-9)
     }

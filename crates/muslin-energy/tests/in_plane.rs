@@ -287,6 +287,31 @@ fn each_membrane_term_is_the_exact_one_without_its_negative_eigenvalues() {
 }
 
 #[test]
+fn the_membrane_s_hessian_in_single_precision_is_that_in_double() {
+    let mut rng = Rng::new(11);
+    let mut states: Vec<[DVec3; 2]> = (0..STATES).map(|_| deformation(&mut rng)).collect();
+    let (x, y) = (DVec3::X, DVec3::Y);
+    states.extend([[x, x], [x, -x], [x, DVec3::ZERO], [DVec3::ZERO; 2], [x, y]]);
+    states.extend([[x * 1e-6, y * 1e-6], [x * (1.0 + 1e-6), y * (1.0 - 1e-6)]]);
+    for f in &states {
+        for k in [&COTTON, &SOFT] {
+            let double = membrane::response(f, k);
+            let (stress, hessian) = membrane::response_single(f, k);
+            let size = 1.0 + double.stress[0].length() + double.stress[1].length();
+            for (got, want) in stress.iter().zip(double.stress) {
+                assert!(
+                    got.distance(want) < 1e-12 * size,
+                    "{got} for {want} at {f:?}"
+                );
+            }
+            let got = columns(hessian.map(|h| h.as_dmat3()));
+            let off = check::difference(&got, &columns(double.hessian));
+            assert!(off < 1e-6, "{off:e} for {k:?} at {f:?}");
+        }
+    }
+}
+
+#[test]
 fn in_tension_along_the_yarns_the_membrane_hessian_is_exact() {
     let mut rng = Rng::new(9);
     for _ in 0..STATES {

@@ -15,7 +15,7 @@ use crate::{
     pattern::{Pattern, Rows},
 };
 
-/// Edges from a handle to the places that the next one answers for, at least.
+/// Edges from a handle to the places that the next one answers for, at least; handles reach a quarter farther.
 const SPACING: u32 = 8;
 /// Handles at most: their system is solved densely.
 const MOST: usize = 110;
@@ -23,10 +23,9 @@ const MOST: usize = 110;
 /// Handles on cloth, found once.
 #[derive(Clone, Debug)]
 pub(crate) struct Handles {
-    /// For every vertex the handles that move it.
-    of: Rows,
-    /// Their shares, one per entry of `of`.
-    shares: Vec<f32>,
+    /// For every vertex the handles that move it, and their shares in it: where they start, and they.
+    start: Vec<u32>,
+    of: Vec<(u32, f32)>,
     /// For every handle the vertices it moves, and their shares in it.
     moved: Vec<Vec<(u32, f32)>>,
     /// Bending across hinges as handles see it, which is the same in every pose: for every handle the
@@ -43,32 +42,30 @@ impl Handles {
             .map(|s| (s, centres(near, s)))
             .find(|(_, c)| c.len() <= MOST)?;
         let n = near.start.len() - 1;
-        let width = spacing as f32 * 1.5;
+        let width = spacing * 5 / 4;
         let mut entries = Vec::new();
         let mut seen = Seen::new(n);
         for (c, &centre) in centres.iter().enumerate() {
-            around(near, (centre, 3 * spacing / 2), &mut seen, |v, far| {
-                entries.push((v, c as u32, 1.0 - far as f32 / width));
+            around(near, (centre, width), &mut seen, |v, far| {
+                entries.push((v, c as u32, 1.0 - far as f32 / width as f32));
             });
         }
         let pairs: Vec<(u32, u32)> = (0..).zip(&entries).map(|(k, e)| (e.0, k)).collect();
-        let mut of = Rows::counted(n, &pairs);
-        let mut shares: Vec<f32> = of.items.iter().map(|&k| entries[k as usize].2).collect();
+        let Rows { start, items } = Rows::counted(n, &pairs);
+        let entry = |k: &u32| (entries[*k as usize].1, entries[*k as usize].2);
+        let mut of: Vec<(u32, f32)> = items.iter().map(entry).collect();
         let mut moved = vec![Vec::new(); centres.len()];
-        of.items
-            .iter_mut()
-            .for_each(|k| *k = entries[*k as usize].1);
         for v in 0..n {
-            let span = of.span(v);
-            let total: f32 = shares[span.clone()].iter().sum();
-            for k in span {
-                shares[k] /= total;
-                moved[of.items[k] as usize].push((v as u32, shares[k]));
+            let row = &mut of[start[v] as usize..start[v + 1] as usize];
+            let total: f32 = row.iter().map(|e| e.1).sum();
+            for (handle, share) in row {
+                *share /= total;
+                moved[*handle as usize].push((v as u32, *share));
             }
         }
         let handles = Handles {
+            start,
             of,
-            shares,
             moved,
             bent: Vec::new(),
         };
@@ -106,9 +103,8 @@ impl Handles {
 
     /// The handles that move a vertex, and their shares.
     fn row(&self, v: usize) -> impl Iterator<Item = (usize, f32)> {
-        let span = self.of.span(v);
-        let items = self.of.items[span.clone()].iter().map(|&h| h as usize);
-        items.zip(self.shares[span].iter().copied())
+        let row = &self.of[self.start[v] as usize..self.start[v + 1] as usize];
+        row.iter().map(|&(handle, share)| (handle as usize, share))
     }
 }
 

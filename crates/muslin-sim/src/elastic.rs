@@ -1,7 +1,7 @@
 //! Stretch of all faces: energy, gradient, matrix blocks.
 
 use glam::{DVec3, Mat3A};
-use muslin_energy::{InPlane, membrane, strain};
+use muslin_energy::{membrane, strain};
 
 use crate::{
     matrix::narrow,
@@ -39,14 +39,9 @@ pub(crate) struct Answer {
 pub(crate) fn answers(weave: &Weave, x: &[DVec3]) -> Vec<Answer> {
     ordered::map(weave.faces.len(), |f| {
         let patch = &weave.patches[f];
-        let InPlane {
-            stress: [su, sv],
-            hessian,
-            ..
-        } = response(patch, &weave.corners(x, f));
+        let ([su, sv], [uu, uv, vv]) = response(patch, &weave.corners(x, f));
         let slopes = [0, 1, 2].map(|a| patch.rest.slope(a));
         let pull = |[u, v]: [f64; 2]| (su * u + sv * v) * patch.rest.area;
-        let [uu, uv, vv] = hessian.map(|h| narrow(&h));
         let vu = uv.transpose();
         let coupling = |a: usize| {
             let [u, v] = slopes[a].map(|s| (s * patch.rest.area) as f32);
@@ -60,13 +55,16 @@ pub(crate) fn answers(weave: &Weave, x: &[DVec3]) -> Vec<Answer> {
     })
 }
 
-fn response(patch: &Patch, corners: &[DVec3; 3]) -> InPlane {
+/// Stress [N/m], and how it changes with the deformation [N/m].
+fn response(patch: &Patch, corners: &[DVec3; 3]) -> ([DVec3; 2], [Mat3A; 3]) {
     let deformation = patch.rest.deformation(corners);
-    let mut out = membrane::response(&deformation, &patch.stretch);
-    if let Some(limit) = &patch.limit {
-        out.add(&strain::principal(&deformation, limit));
+    let (mut stress, mut hessian) = membrane::response_single(&deformation, &patch.stretch);
+    if let Some(limit) = patch.limit.filter(|l| !l.is_far_from(&deformation)) {
+        let wall = strain::principal(&deformation, &limit);
+        (0..2).for_each(|i| stress[i] += wall.stress[i]);
+        (0..3).for_each(|i| hessian[i] += narrow(&wall.hessian[i]));
     }
-    out
+    (stress, hessian)
 }
 
 /// Gradient at vertex `i` [N].

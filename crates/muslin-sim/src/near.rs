@@ -28,7 +28,7 @@ pub(crate) struct Near {
 }
 
 /// Slack of the list [m].
-const SLACK: f64 = 3.5e-3;
+const SLACK: f64 = 1.5e-3;
 /// Whoever stays farther apart than this does not meet [m].
 const TOUCHING: f64 = 5e-4;
 /// Regions farther apart than this are not looked at one by one [m].
@@ -264,6 +264,9 @@ fn spread(moves: &[DVec3]) -> f64 {
     shift(&all, &all)
 }
 
+/// A face's number, and its way.
+type Face = (usize, Swept);
+
 /// Where everything is and goes, and what is asked about two regions.
 struct Scene<'a> {
     weave: &'a Weave,
@@ -271,9 +274,8 @@ struct Scene<'a> {
     moves: &'a [DVec3],
     reach: f64,
     verts: Vec<Swept>,
-    faces: Vec<Swept>,
-    /// Everything of the regions that are asked about.
-    regions: Vec<Option<Swept>>,
+    /// The faces of the regions that are asked about, and all of a region together.
+    regions: Vec<Option<(Vec<Face>, Swept)>>,
     /// Positions as seen from the first vertex, in single precision [m].
     at: Vec<Vec3A>,
     /// Vertices whose faces cannot come near each other.
@@ -295,17 +297,24 @@ impl<'a> Scene<'a> {
             asked.1[r] = true;
         }
         let verts = ordered::map(x.len(), |i| Swept::point(x[i] - x[0], moves[i], reach));
-        let faces = ordered::map(weave.faces.len(), |f| around(&verts, &weave.faces[f]));
-        let whole = |r: usize| {
-            let faces = weave.regions.faces(r).iter().map(|f| faces[*f as usize]);
-            faces.reduce(Swept::union)
+        let faces = |r: usize| {
+            let faces = weave.regions.faces(r).iter().map(|f| *f as usize);
+            let faces = faces.map(|f| (f, around(&verts, &weave.faces[f])));
+            let faces: Vec<Face> = faces.collect();
+            let whole = faces.iter().map(|f| f.1).reduce(Swept::union)?;
+            Some((faces, whole))
         };
+        let numbers = (0..asked.1.len()).into_par_iter();
+        let at = ordered::map(x.len(), |i| (x[i] - x[0]).as_vec3a());
+        let ways: Vec<Vec3A> = moves.iter().map(|m| m.as_vec3a()).collect();
+        let room = reach as f32 + ROUNDING;
         Scene {
-            regions: ordered::map(asked.1.len(), |r| asked.1[r].then(|| whole(r)).flatten()),
-            at: ordered::map(x.len(), |i| (x[i] - x[0]).as_vec3a()),
-            open: fan::open(weave, (x, moves), (reach, &asked.0)),
+            regions: numbers
+                .map(|r| asked.1[r].then(|| faces(r)).flatten())
+                .collect(),
+            open: fan::open(weave, (&at, &ways), (room, &asked.0)),
+            at,
             verts,
-            faces,
             weave,
             x,
             moves,
@@ -316,32 +325,28 @@ impl<'a> Scene<'a> {
     /// Pairs of features of two regions, or within one, that may come within reach.
     fn search(&self, a: usize, b: usize) -> Vec<Near> {
         let mut out = Vec::new();
-        let faces = |region: usize| {
-            let faces = self.weave.regions.faces(region).iter();
-            faces.map(|f| (*f as usize, self.faces[*f as usize]))
+        let (Some((mine, here)), Some((theirs, there))) = (&self.regions[a], &self.regions[b])
+        else {
+            return out;
         };
         if a == b {
-            let all: Vec<_> = faces(a).collect();
-            for (k, f) in all.iter().enumerate() {
-                let rest = all[k + 1..].iter();
+            for (k, f) in mine.iter().enumerate() {
+                let rest = mine[k + 1..].iter();
                 rest.filter(|g| f.1.meets(&g.1))
                     .for_each(|g| self.faces_near(f, g, &mut out));
             }
             return out;
         }
-        let (Some(here), Some(there)) = (self.regions[a], self.regions[b]) else {
-            return out;
-        };
-        let theirs: Vec<_> = faces(b).filter(|g| g.1.meets(&here)).collect();
-        for f in faces(a).filter(|f| f.1.meets(&there)) {
+        let theirs: Vec<&Face> = theirs.iter().filter(|g| g.1.meets(here)).collect();
+        for f in mine.iter().filter(|f| f.1.meets(there)) {
             let meeting = theirs.iter().filter(|g| f.1.meets(&g.1));
-            meeting.for_each(|g| self.faces_near(&f, g, &mut out));
+            meeting.for_each(|g| self.faces_near(f, g, &mut out));
         }
         out
     }
 
     /// Adds the pairs of features of two faces that may come within reach.
-    fn faces_near(&self, f: &(usize, Swept), g: &(usize, Swept), out: &mut Vec<Near>) {
+    fn faces_near(&self, f: &Face, g: &Face, out: &mut Vec<Near>) {
         let (f, g) = if f.0 < g.0 { (f, g) } else { (g, f) };
         let (mine, theirs) = (self.weave.faces[f.0], self.weave.faces[g.0]);
         let mut shared = mine.into_iter().filter(|v| theirs.contains(v)).peekable();
@@ -391,7 +396,7 @@ impl<'a> Scene<'a> {
     }
 
     /// Adds the vertices of face `f` that may come near face `g`.
-    fn vertices(&self, f: usize, g: &(usize, Swept), out: &mut Vec<Near>) {
+    fn vertices(&self, f: usize, g: &Face, out: &mut Vec<Near>) {
         let t = self.weave.faces[g.0];
         for v in self.weave.owned[f].verts {
             if v == u32::MAX || t.contains(&v) {
