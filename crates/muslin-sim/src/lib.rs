@@ -37,6 +37,7 @@ mod region;
 mod relief;
 mod safe;
 mod simulate;
+mod slip;
 mod stage;
 mod touch;
 mod weave;

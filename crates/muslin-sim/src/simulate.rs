@@ -40,6 +40,8 @@ pub struct State {
     pub verts: Vec<DVec3>,
     /// Velocities [m/s].
     pub velocities: Vec<DVec3>,
+    /// How strongly skin presses each vertex [N], which friction goes by; empty where that is not known.
+    pub pressed: Vec<f64>,
 }
 
 /// One delivered frame.
@@ -129,9 +131,12 @@ impl<'a> Run<'a> {
         if let Some(state) = resume {
             same("state", state.verts.len(), weave.n_verts())?;
             same("state", state.velocities.len(), weave.n_verts())?;
+            if !state.pressed.is_empty() {
+                same("state", state.pressed.len(), weave.n_verts())?;
+            }
             let before = run.dents.frame(frame.saturating_sub(1))?;
             run.stage.body.advance(&before.skin);
-            run.stage.restore(&state.verts, &state.velocities);
+            run.stage.resume(state);
         } else {
             for _ in 0..options.first_steps {
                 run.stage.step(&Pace::calm(options.step, 0.5))?;

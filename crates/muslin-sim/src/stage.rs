@@ -283,13 +283,20 @@ impl<'a> Stage<'a> {
 
     /// Forgets everything but the state, so that whoever resumes from it goes the same way.
     pub fn checkpoint(&mut self, frame: usize) -> State {
-        let (x, v) = (self.x.clone(), self.v.clone());
-        self.restore(&x, &v);
-        State {
+        let state = State {
             frame,
-            verts: x,
-            velocities: v,
-        }
+            verts: self.x.clone(),
+            velocities: self.v.clone(),
+            pressed: self.pressed.take().unwrap_or_default(),
+        };
+        self.resume(&state);
+        state
+    }
+
+    /// Goes on from a state.
+    pub fn resume(&mut self, state: &State) {
+        self.restore(&state.verts, &state.velocities);
+        self.pressed = Some(state.pressed.clone()).filter(|p| !p.is_empty());
     }
 
     /// Pairs `[cloth face, body face]` that meet.

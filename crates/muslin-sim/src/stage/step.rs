@@ -12,8 +12,8 @@ use crate::{
     ordered,
     pairs::{Pair, Rule},
     pattern::Rows,
-    quality,
-    touch::Touch,
+    quality, slip,
+    touch::{self, Touch},
 };
 
 /// How a step goes.
@@ -137,6 +137,7 @@ impl Stage<'_> {
         let mut led = self.correct((way, pace), (&first, &pairs), energy)?;
         let mut pressed = self.pressure(&first, &from);
         let mut last = f64::INFINITY;
+        let mut again = None;
         for _ in 1..pace.rounds {
             let far = !pace.smooth && led[0] > LED_FAR;
             let beyond = quality::excess(self.weave, &self.x);
@@ -145,17 +146,34 @@ impl Stage<'_> {
             }
             last = beyond;
             // Where nobody went far, the skin is where it was seen.
-            let again = (pace.smooth || led[1] > TURNED).then(|| self.touches(tau));
+            if pace.smooth || led[1] > TURNED {
+                again = Some(self.touches(tau));
+            }
             let pairs = self.pairs(&self.rule(tau));
             let touches = again.as_ref().unwrap_or(&first);
             from.clone_from(&self.x);
             led = self.correct((way, pace), (touches, &pairs), None)?;
             pressed = self.pressure(touches, &from);
         }
+        if !pace.smooth {
+            self.slip(again.as_ref().unwrap_or(&first));
+        }
         Some(Met {
             touches: first,
             pressed,
         })
+    }
+
+    /// Lets what is wedged slip, so that less of it is beyond its limit.
+    fn slip(&mut self, touches: &[Touch]) {
+        // Where pieces of cloth are in each other's way, a move goes only a part of its way.
+        for _ in 0..SLIPS {
+            let Some(mut moves) = slip::moves(self.weave, &self.x) else {
+                break;
+            };
+            touch::keep_out(touches, &self.x, &mut moves);
+            self.go(moves);
+        }
     }
 
     /// How strongly skin pushes every vertex after a Newton step from `from` [N].
@@ -372,6 +390,8 @@ const BEYOND: f64 = 0.008;
 /// Share of it that a Newton step leaves at most, or another does no more: where cloth is wedged, some
 /// triangle is always beyond.
 const LOWERED: f64 = 0.75;
+/// How often cloth slips in a step at most.
+const SLIPS: usize = 8;
 /// So does a correction of so much [m]: what is left of it is lost motion.
 const LED_FAR: f64 = 1e-3;
 /// A correction of so much asks where the skin is now [m].

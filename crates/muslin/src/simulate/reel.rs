@@ -60,6 +60,7 @@ impl Reel {
             let points = s.verts.iter().chain(&s.velocities);
             points
                 .flat_map(|v| v.to_array())
+                .chain(s.pressed.iter().copied())
                 .for_each(|x| number(&mut out, x));
         }
         out
@@ -87,6 +88,7 @@ impl Reel {
                 frame: frame as usize,
                 verts: doubles(from, n_verts[0])?,
                 velocities: doubles(from, n_verts[0])?,
+                pressed: rest(from).filter(|p| p.is_empty() || p.len() == n_verts[0])?,
             }),
             false => None,
         };
@@ -130,6 +132,15 @@ fn doubles(from: &mut &[u8], n: usize) -> Option<Vec<DVec3>> {
     Some(points(&flat))
 }
 
+/// All numbers that are left.
+fn rest(from: &mut &[u8]) -> Option<Vec<f64>> {
+    let mut out = Vec::new();
+    while !from.is_empty() {
+        out.push(take(from)?);
+    }
+    Some(out)
+}
+
 fn points(flat: &[f64]) -> Vec<DVec3> {
     let chunks = flat.as_chunks::<3>().0.iter();
     chunks.map(|c| DVec3::from_array(*c)).collect()
@@ -160,6 +171,7 @@ mod tests {
             frame: 18,
             verts: at(3, 5),
             velocities: at(4, 5),
+            pressed: vec![0.0, 0.25, 0.0, 0.5, 3.0],
         };
         let mut back = Reel::default();
         let [early, late] = [reel.record(0, None), reel.record(2, Some(&state))];

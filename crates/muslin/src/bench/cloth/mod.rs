@@ -89,6 +89,7 @@ fn strays(velocity: DVec3, frames: usize) -> f64 {
         frame: 1,
         velocities: vec![then; verts.len()],
         verts,
+        ..State::default()
     };
     let shots = film(&cloth, &from, &scenes::far_away(), (DOWN, frames));
     let Some(last) = shots.last() else {
@@ -228,6 +229,7 @@ fn slid(mu: f64, angle: f64) -> (f64, f64) {
         frame: 1,
         velocities: vec![DVec3::ZERO; verts.len()],
         verts,
+        ..State::default()
     };
     let shots = film(&cloth, &from, &slab, (tilted, 240));
     let at: Vec<f64> = shots.iter().map(|x| mean(x).x).collect();
@@ -247,6 +249,7 @@ fn repeating() -> Vec<Verdict> {
         frame: 1,
         velocities: vec![DVec3::ZERO; verts.len()],
         verts,
+        ..State::default()
     };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();

@@ -40,6 +40,7 @@ pub fn ours(skirt: &Skirt, steps: usize) -> Result<Take, String> {
         frame: 1,
         verts: start.clone(),
         velocities: vec![DVec3::ZERO; start.len()],
+        ..State::default()
     };
     let walk = Walk {
         faces: &skirt.body.faces,
