@@ -129,17 +129,16 @@ impl Limbs {
     /// than 0.6 rad stay where they got to.
     pub fn make_room(&self, pose: &mut Pose, avatar: &Avatar, figure: &Figure) -> f64 {
         let mut turn = |limb: &Limb| limb.make_room(pose, avatar, figure);
-        let mut turned: Vec<f64> = self.0.iter().map(&mut turn).collect();
-        for _ in 1..ARMS {
-            let [.., first, second] = &turned[..] else {
-                break;
-            };
-            if first.min(*second) == 0.0 {
+        let (legs, arms) = self.0.split_at(2);
+        let mut most = legs.iter().map(&mut turn).fold(0.0, f64::max);
+        for _ in 0..ARMS {
+            let turned: Vec<f64> = arms.iter().map(&mut turn).collect();
+            most = turned.iter().copied().fold(most, f64::max);
+            if turned.contains(&0.0) {
                 break;
             }
-            turned.extend(self.0[2..].iter().map(&mut turn));
         }
-        turned.into_iter().fold(0.0, f64::max)
+        most
     }
 }
 
