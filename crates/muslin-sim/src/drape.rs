@@ -13,7 +13,7 @@ use crate::{
     loosen::{Lie, faults, let_go},
     quality::{self, Settled},
     relief::{Frame, relieve_path},
-    stage::{CALM_ROUNDS, Pace, Stage, TORN},
+    stage::{CALM_ROUNDS, Pace, Stage, TORN, part_way},
     weave::Weave,
 };
 
@@ -107,7 +107,7 @@ impl Options {
 /// `start`: positions [m], outside the body's first frame as far as possible; `path`: the body per
 /// step, first the pose of `start`; `body_faces`: its triangles, outward. Cloth that is caught or
 /// starts inside is brought out where that can be done, and what ends with a fault is tried again,
-/// twice at most and with more care, if the options say so; what remains is counted in the result, never hidden. Then, too,
+/// three times at most and with more care, if the options say so; what remains is counted in the result, never hidden. Then, too,
 /// cloth that the body would tear apart on the way is [`SimError::TooTight`].
 pub fn drape(
     cloth: &Cloth,
@@ -188,6 +188,8 @@ enum Attempt {
     Sliding,
     /// The body gives way by more and thin parts are watched, but cloth keeps its grip: what hands lean on stays.
     Gripping,
+    /// The same, in half steps of the body: for cloth that all others tore on the way.
+    Slow,
 }
 
 /// How bad cloth lies, and how it lies.
@@ -215,8 +217,11 @@ impl Job<'_> {
     /// The first attempt without fault, or the least bad of all, where there may be more than one.
     fn best(&self) -> Result<Attempted, SimError> {
         let mut best = self.attempt(Attempt::First)?;
-        for attempt in [Attempt::Sliding, Attempt::Gripping] {
+        for attempt in [Attempt::Sliding, Attempt::Gripping, Attempt::Slow] {
             if best.badness() == (false, [false; 3]) || !self.options.again {
+                break;
+            }
+            if attempt == Attempt::Slow && matches!(best, Attempted::Lies(..)) {
                 break;
             }
             let other = self.attempt(attempt)?;
@@ -247,8 +252,11 @@ impl Job<'_> {
         for _ in 0..options.first_steps {
             stage.step(&Pace::calm(options.step, 0.5))?;
         }
-        for frame in &way[1..] {
+        for (before, frame) in way.iter().zip(&way[1..]) {
             asked(self.go_on)?;
+            if attempt == Attempt::Slow {
+                stage.follow(&part_way((before, frame), 0.5))?;
+            }
             stage.follow(frame)?;
             if options.again {
                 let beyond = quality::excess_p99(&self.weave, &stage.x);

@@ -473,6 +473,6 @@ fn comes_by(way: DVec3, points: [DVec3; 3]) -> bool {
 }
 
 /// Positions [m] at the share `t` of the straight way between two.
-fn part_way((from, to): (&[DVec3], &[DVec3]), t: f64) -> Vec<DVec3> {
+pub(crate) fn part_way((from, to): (&[DVec3], &[DVec3]), t: f64) -> Vec<DVec3> {
     from.iter().zip(to).map(|(a, b)| a.lerp(*b, t)).collect()
 }
