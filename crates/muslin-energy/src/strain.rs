@@ -128,10 +128,17 @@ fn beyond(f: &[DVec3; 2], sigma: [f64; 2], limit: &StrainLimit) -> InPlane {
     out
 }
 
+/// Where the larger principal stretch lies in the material: its unit share along weft and warp.
+#[inline]
+pub fn direction(f: &[DVec3; 2]) -> [f64; 2] {
+    let twice = (2.0 * f[0].dot(f[1])).atan2(f[0].length_squared() - f[1].length_squared());
+    let (sin, cos) = (0.5 * twice).sin_cos();
+    [cos, sin]
+}
+
 /// Right singular vectors, then left ones with the normal.
 pub(crate) fn frames(f: &[DVec3; 2], sigma: [f64; 2]) -> ([[f64; 2]; 2], [DVec3; 3]) {
-    let twice = (2.0 * f[0].dot(f[1])).atan2(f[0].length_squared() - f[1].length_squared());
-    let (s, c) = (0.5 * twice).sin_cos();
+    let [c, s] = direction(f);
     let first = (f[0] * c + f[1] * s).normalize_or_zero();
     let across = f[1] * c - f[0] * s;
     let across = across - first * first.dot(across);

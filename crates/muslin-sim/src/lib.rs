@@ -39,6 +39,8 @@ mod safe;
 mod simulate;
 mod slip;
 mod stage;
+#[cfg(test)]
+mod testing;
 mod touch;
 mod weave;
 

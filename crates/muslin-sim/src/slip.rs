@@ -6,6 +6,7 @@
 //! Müller et al. 2007, on principal stretches).
 
 use glam::DVec3;
+use muslin_energy::strain;
 
 use crate::{ordered, weave::Weave};
 
@@ -56,8 +57,7 @@ fn beyond(weave: &Weave, x: &[DVec3], f: usize) -> Option<(f64, [DVec3; 3])> {
         return None;
     }
     let [u, v] = deformation;
-    let twice = (2.0 * u.dot(v)).atan2(u.length_squared() - v.length_squared());
-    let (sin, cos) = (0.5 * twice).sin_cos();
+    let [cos, sin] = strain::direction(&deformation);
     let along = u * cos + v * sin;
     let length = along.length();
     let pull = |k: usize| {
@@ -69,48 +69,15 @@ fn beyond(weave: &Weave, x: &[DVec3], f: usize) -> Option<(f64, [DVec3; 3])> {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec2;
-    use muslin_energy::{hinge::Bend, membrane::Stretch};
-
     use super::*;
-    use crate::{
-        cloth::{Cloth, Material},
-        quality,
-    };
+    use crate::{quality, testing::sheets};
 
     #[test]
     fn a_pulled_vertex_shares_its_stretch_with_the_cloth_around_it() {
-        let flat = |v: u32| DVec2::new(f64::from(v % 12), f64::from(v / 12)) * 0.01;
-        let cells = (0..132_u32).filter(|v| v % 12 < 11);
-        let faces: Vec<[u32; 3]> = cells
-            .flat_map(|v| [[v, v + 1, v + 13], [v, v + 13, v + 12]])
-            .collect();
-        let material = Material {
-            density: 0.2,
-            stretch: Stretch {
-                warp: 300.0,
-                weft: 300.0,
-                shear: 100.0,
-                compression: 1.0,
-            },
-            bend: Bend {
-                warp: 1e-5,
-                weft: 1e-5,
-            },
-            limit: Some(0.05),
-            friction: 0.3,
-            thickness: 1e-3,
-        };
-        let cloth = Cloth {
-            rest: faces.iter().map(|f| f.map(flat)).collect(),
-            materials: vec![material],
-            material_of: vec![0; faces.len()],
-            layers: vec![0; 144],
-            pins: Vec::new(),
-            faces,
-        };
+        let (mut cloth, flat) = sheets(0.1);
+        cloth.materials[0].limit = Some(0.05);
         let weave = Weave::new(&cloth).expect("a valid cloth");
-        let mut x: Vec<DVec3> = (0..144).map(|v| flat(v).extend(0.0) * 0.99).collect();
+        let mut x: Vec<DVec3> = flat.iter().map(|p| *p * 0.99).collect();
         assert_eq!(moves(&weave, &x), None);
         x[66].z += 5e-3;
         assert!(quality::excess(&weave, &x) > 0.05);

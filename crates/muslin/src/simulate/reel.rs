@@ -88,7 +88,7 @@ impl Reel {
                 frame: frame as usize,
                 verts: doubles(from, n_verts[0])?,
                 velocities: doubles(from, n_verts[0])?,
-                pressed: rest(from).filter(|p| p.is_empty() || p.len() == n_verts[0])?,
+                pressed: numbers(from, if from.is_empty() { 0 } else { n_verts[0] })?,
             }),
             false => None,
         };
@@ -121,24 +121,14 @@ fn singles(from: &mut &[u8], n: usize) -> Option<Vec<DVec3>> {
 }
 
 fn doubles(from: &mut &[u8], n: usize) -> Option<Vec<DVec3>> {
-    let (bytes, rest) = from.split_at_checked(n.checked_mul(24)?)?;
-    *from = rest;
-    let flat: Vec<f64> = bytes
-        .as_chunks::<8>()
-        .0
-        .iter()
-        .map(|b| f64::from_le_bytes(*b))
-        .collect();
-    Some(points(&flat))
+    numbers(from, n.checked_mul(3)?).map(|flat| points(&flat))
 }
 
-/// All numbers that are left.
-fn rest(from: &mut &[u8]) -> Option<Vec<f64>> {
-    let mut out = Vec::new();
-    while !from.is_empty() {
-        out.push(take(from)?);
-    }
-    Some(out)
+fn numbers(from: &mut &[u8], n: usize) -> Option<Vec<f64>> {
+    let (bytes, rest) = from.split_at_checked(n.checked_mul(8)?)?;
+    *from = rest;
+    let all = bytes.as_chunks::<8>().0.iter();
+    Some(all.map(|b| f64::from_le_bytes(*b)).collect())
 }
 
 fn points(flat: &[f64]) -> Vec<DVec3> {
