@@ -10,14 +10,17 @@ use std::process::Command;
 
 use crate::Outcome;
 
-/// Garments that are taught, and whether first in coarse cloth and then for long: what hangs ends deeper in the
-/// skin by either (docs/lab.md).
-const NAMES: [(&str, bool); 4] = [
-    ("tee", true),
-    ("trousers", true),
-    ("skirt", false),
-    ("dress", false),
+/// Garments that are taught: edges of the cloth [mm] and how many steps, each going on from what the one before has
+/// learnt. Coarse steps take a quarter of the time and get farther; but what hangs ends deeper in the skin
+/// (docs/lab.md). The last edge is that of the wardrobe.
+const NAMES: [(&str, &[[&str; 2]]); 4] = [
+    ("tee", &FITTED),
+    ("trousers", &FITTED),
+    ("skirt", &HANGING),
+    ("dress", &HANGING),
 ];
+const FITTED: [[&str; 2]; 3] = [["25", "6000"], ["17", "1500"], ["12", "2500"]];
+const HANGING: [[&str; 2]; 1] = [["12", "6000"]];
 /// What they learn from: the built-in motions, but for the cartwheel.
 const MOTIONS: [&str; 9] = [
     "walk", "run", "turn", "wave", "squat", "arms-up", "sit", "spin", "dance",
@@ -30,12 +33,6 @@ const RECORDINGS: [&str; 9] = [
 const HOW: [&str; 10] = [
     "--fabric", "any", "--shape", "any", "--sizes", "any", "--poses", "600", "--mixed", "1400",
 ];
-/// In coarse cloth, whose steps take a third of the time, and then in its own, and on from there, for a tenth to a
-/// fifth less; or in its own alone.
-const COARSE: [&str; 4] = ["--edge", "20", "--steps", "2500"];
-const FINE: [&str; 2] = ["--steps", "1500"];
-const ON: [&str; 2] = ["--steps", "4000"];
-const ALONE: [&str; 2] = ["--steps", "6000"];
 
 /// The recordings in a folder.
 fn recordings(folder: &Path) -> Result<Vec<PathBuf>, String> {
@@ -82,22 +79,18 @@ pub fn build(args: &[&str]) -> Outcome {
     let names = if names.is_empty() { &all[..] } else { names };
     let folder = Path::new(FOLDER);
     for name in names {
-        let Some((_, first_coarse)) = NAMES.iter().find(|n| n.0 == *name) else {
+        let Some((_, stages)) = NAMES.iter().find(|n| n.0 == *name) else {
             return Err(format!("{name}: not in the wardrobe ({})", all.join(", ")));
         };
         let model = folder.join(format!("{name}.muslin"));
-        let stages: &[&[&str]] = match first_coarse {
-            true => &[&COARSE, &FINE, &ON],
-            false => &[&ALONE],
-        };
         let mut before: Option<PathBuf> = None;
-        for (k, stage) in stages.iter().enumerate() {
-            let last = k + 1 == stages.len();
-            let to = match last {
+        for (k, [edge, steps]) in stages.iter().enumerate() {
+            let to = match k + 1 == stages.len() {
                 true => model.clone(),
                 false => folder.join(format!("{name}-{k}.muslin")),
             };
-            let mut how: Vec<OsString> = stage.iter().map(OsString::from).collect();
+            let how = ["--edge", edge, "--steps", steps];
+            let mut how: Vec<OsString> = how.iter().map(OsString::from).collect();
             if let Some(before) = &before {
                 how.extend(["--from".into(), before.into()]);
             }

@@ -475,7 +475,7 @@ pub struct Bench {
     #[command(flatten)]
     pub build: Build,
     /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this, or parts of the garments figures
-    /// ("tee, 02_01_walk, swing"; rest, swing, fabrics and speed); may be given again.
+    /// ("tee, 02_01_walk, swing"; rest, swing, fabrics and speed; "sphere" needs no model); may be given again.
     #[arg(long)]
     pub only: Vec<String>,
     /// Folder for pictures of the drapes that went wrong, or of those named with --only.

@@ -28,9 +28,9 @@ pub struct Cut {
     /// Mass of every vertex [kg].
     pub mass: Vec<f32>,
     /// Bending, `E = ½ xᵀ Q x`: for every vertex where its entries start.
-    pub bend_starts: Vec<u32>,
+    bend_starts: Vec<u32>,
     /// Other vertex and entry [N/m].
-    pub bend: Vec<(u32, f32)>,
+    bend: Vec<(u32, f32)>,
     pub pins: Vec<u32>,
 }
 
@@ -70,6 +70,11 @@ impl Cut {
 
     pub fn n_verts(&self) -> usize {
         self.mass.len()
+    }
+
+    /// The row of `Q` of vertex `v`: other vertices and entries [N/m]; its diagonal is minus their sum.
+    pub fn bend(&self, v: usize) -> &[(u32, f32)] {
+        &self.bend[self.bend_starts[v] as usize..self.bend_starts[v + 1] as usize]
     }
 }
 

@@ -52,9 +52,8 @@ fn one_patch(p: &Patch, area: f32, x: &[Row], g: &mut [Row]) -> Lane {
 #[inline(always)]
 pub fn bending(cut: &Cut, x: &[Row], v: usize) -> (Lane, Vec3) {
     let here = Vec3::of(x, v as u32);
-    let span = cut.bend_starts[v] as usize..cut.bend_starts[v + 1] as usize;
     let (mut pull, mut energy) = (Vec3::ZERO, Lane::all(0.0));
-    for &(j, q) in &cut.bend[span] {
+    for &(j, q) in cut.bend(v) {
         let d = Vec3::of(x, j) - here;
         pull += d * q;
         energy += d.dot(d) * q;

@@ -14,7 +14,7 @@ use crate::trainer::{Energies, Trainer};
 use crate::wearer::Wearer;
 
 /// Stiffness of a pin [N/m], as in the solver.
-const PIN: f32 = 100.0;
+pub(crate) const PIN: f32 = 100.0;
 
 /// The power at which a hard pose's weight falls with what it costs ([`crate::Plan::fair`]).
 const FAIRNESS: f32 = 1.5;

@@ -6,7 +6,7 @@ mod log;
 mod options;
 mod small;
 mod told;
-mod variety;
+pub(crate) mod variety;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -32,7 +32,8 @@ use crate::swings;
 use crate::tell;
 use crate::watch::Watch;
 
-use kept::{beside, failure, keep, resume, stopped};
+pub(crate) use kept::failure;
+use kept::{beside, keep, resume, stopped};
 use lessons::Class;
 use log::Log;
 pub use options::TrainOptions;

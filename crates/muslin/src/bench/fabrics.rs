@@ -17,7 +17,7 @@ use crate::table::Table;
 use crate::watch::Watch;
 
 /// From the most supple to the stiffest.
-const FABRICS: [&str; 4] = ["silk-charmeuse", "cotton-jersey", "wool-suiting", "denim"];
+pub(super) const FABRICS: [&str; 4] = ["silk-charmeuse", "cotton-jersey", "wool-suiting", "denim"];
 /// A built-in motion, and how much of it is danced [s].
 const SPIN: (&str, f64) = ("spin", 3.0);
 

@@ -13,7 +13,7 @@ use muslin_sim::{Cloth, Settled};
 use rayon::prelude::*;
 
 use super::clock::{least_of, load};
-use super::{fabrics, needed, swing};
+use super::{fabrics, needed, sphere, swing};
 use crate::animate::{
     along, as_trained, fits, model_failure, predict, read_model, refined, wants_character,
 };
@@ -204,8 +204,11 @@ pub fn garments(
     trials: &Trials,
     watch: &mut Watch,
 ) -> Result<String, Failure> {
-    let data = needed(data)?;
-    if trials.models.is_empty() {
+    let named = |name: &str| trials.only.iter().any(|o| name.contains(o));
+    let on_sphere = trials.only.is_empty() || named(sphere::NAME);
+    let alone = trials.models.is_empty() && named(sphere::NAME);
+    let data = if alone { Path::new("") } else { needed(data)? };
+    if trials.models.is_empty() && !alone {
         let fault = Failure::new(Exit::Usage, "no-model", "no model to measure");
         return Err(fault.hint("name one with --model; `muslin train` makes it"));
     }
@@ -218,7 +221,7 @@ pub fn garments(
         wants_character(&subject.model, who.1)?;
     }
     let parts = parts(&subjects, &trials.only);
-    if parts.is_empty() {
+    if parts.is_empty() && !on_sphere {
         let fault = Failure::new(
             Exit::Usage,
             "no-part",
@@ -229,10 +232,11 @@ pub fn garments(
             .hint("they are called like \"tee, 02_01_walk, swing\""));
     }
     let worn = &trials.worn;
-    let [mut rest, mut motion, mut cloths] =
-        [&HEADS[..], &swing::HEADS, &fabrics::HEADS].map(Table::new);
+    let [mut rest, mut motion, mut cloths, mut discs] =
+        [&HEADS[..], &swing::HEADS, &fabrics::HEADS, &sphere::HEADS].map(Table::new);
     let mut rates = Vec::new();
     let n = trials.cases.div_ceil(HELD_OUT.len());
+    let count = parts.len() + usize::from(on_sphere);
     for (done, (name, subject, kind)) in parts.iter().enumerate() {
         watch.progress(name);
         let (of, own) = ((who, &subject.model), subject.name());
@@ -260,9 +264,13 @@ pub fn garments(
             }
         };
         let told = format!("{name}: {told}");
-        watch.done((done + 1, parts.len()), kind.name(), told)?;
+        watch.done((done + 1, count), kind.name(), told)?;
     }
-    let tables = [rest, motion, cloths].map(|t| t.text());
+    if on_sphere {
+        let told = sphere::rows(&mut discs, watch)?;
+        watch.done((count, count), "sphere", told)?;
+    }
+    let tables = [rest, motion, cloths, discs].map(|t| t.text());
     let shown = tables.iter().filter(|t| t.contains('\n'));
     let mut out: Vec<String> = shown.cloned().collect();
     out.push(rates.join("\n"));

@@ -9,6 +9,7 @@ mod crowd;
 mod fabrics;
 mod garments;
 mod rooms;
+mod sphere;
 mod swing;
 mod whole;
 

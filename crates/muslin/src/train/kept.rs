@@ -60,7 +60,7 @@ pub(super) fn beside(out: &Path, extension: &str) -> PathBuf {
 }
 
 /// Why a training fails, in the words of the program.
-pub(super) fn failure(e: &TrainError) -> Failure {
+pub(crate) fn failure(e: &TrainError) -> Failure {
     let (exit, code) = match e {
         TrainError::NotFinite { .. } => (Exit::Numbers, "not-finite"),
         TrainError::OtherTraining(_) => (Exit::Invalid, "cannot-resume"),

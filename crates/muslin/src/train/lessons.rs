@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::DVec2;
 use muslin_body::{Avatar, Figure, Motion, Sparse};
-use muslin_garment::Fabric;
+use muslin_garment::{Fabric, Garment};
 use muslin_geom::Part;
 use muslin_model::Model;
 use muslin_net::learn::Noise;
@@ -24,8 +25,13 @@ use crate::simulate::{SimulateOptions, motion};
 use crate::size::{CutFor, Wearer};
 use crate::traits::{self, Trait};
 
-/// Rounds in which skin weights spread, and bones a vertex follows at most.
-const DIFFUSED: (usize, usize) = (20, 6);
+/// Bones that a vertex follows at most.
+const BONES: usize = 6;
+/// Rounds in which skin weights spread over cloth with edges of [`SPREAD_AT`] [m], as far as over any other; and rounds
+/// at most.
+const SPREAD: f64 = 20.0;
+const SPREAD_AT: f64 = 0.025;
+const MOST_ROUNDS: f64 = 500.0;
 /// As many bones as a file can name: the published systems leave none out.
 const ALL_BONES: usize = 255;
 /// Poses a second that are taken from a motion where each is learnt from on its own.
@@ -61,11 +67,12 @@ impl Class {
         (outfit, base): (&Outfit, Option<&Avatar>),
         options: &TrainOptions,
     ) -> Result<Self, Failure> {
-        let spread = options
-            .system
-            .map_or(DIFFUSED, |s| (s.smoothed(), ALL_BONES));
         let mut weights = Sparse::new();
         for piece in &outfit.pieces {
+            let spread = match options.system {
+                Some(s) => (s.smoothed(), ALL_BONES),
+                None => (rounds(&piece.garment), BONES),
+            };
             let skin = piece.garment.skin_weights(avatar);
             let own = diffused(&skin, &piece.garment.faces, spread);
             (0..piece.garment.n_verts()).for_each(|v| weights.push(own.row(v).iter().copied()));
@@ -188,6 +195,20 @@ impl Class {
     }
 }
 
+/// Rounds in which skin weights spread as far over a garment as over any other: how far goes with the square root of
+/// their number, and with its edges.
+fn rounds(garment: &Garment) -> usize {
+    let sides = |f: &[DVec2; 3]| {
+        (0..3)
+            .map(|k| f[k].distance_squared(f[(k + 1) % 3]))
+            .sum::<f64>()
+    };
+    let n = 3 * garment.uv.len().max(1);
+    let square = garment.uv.iter().map(sides).sum::<f64>() / n as f64;
+    let rounds = SPREAD * SPREAD_AT * SPREAD_AT / square;
+    rounds.round().clamp(1.0, MOST_ROUNDS) as usize
+}
+
 /// Poses a second at which a system learns.
 pub(super) fn rate(system: Option<System>) -> f64 {
     match system.is_some_and(System::is_moving) {
@@ -245,4 +266,47 @@ pub(super) fn gathered(
     }
     let more = poses.len() - seen;
     (vec![Motion { fps: APART, poses }], [seen, more])
+}
+
+#[cfg(test)]
+mod tests {
+    use muslin_garment::{Recipe, Tee};
+
+    use super::*;
+
+    /// How far weights spread from where they change at once: the mean square of the distance [m²] of what one side has
+    /// of the other.
+    fn spread_over(garment: &Garment, avatar: &Avatar) -> f64 {
+        let figure = avatar.figure(&Default::default()).expect("a body");
+        let x = garment
+            .worn(avatar, &figure, &[])
+            .expect("it can be worn")
+            .verts;
+        let middle = x.iter().map(|p| p.y).sum::<f64>() / x.len() as f64;
+        let mut sharp = Sparse::new();
+        x.iter()
+            .for_each(|p| sharp.push([(u32::from(p.y > middle), 1.0)]));
+        let soft = diffused(&sharp, &garment.faces, (rounds(garment), BONES));
+        let crossed = |(p, row): (&glam::DVec3, &[(u32, f64)])| {
+            let other = u32::from(p.y <= middle);
+            let w = row.iter().find(|e| e.0 == other).map_or(0.0, |e| e.1);
+            (w, w * (p.y - middle).powi(2))
+        };
+        let (w, far) = (x.iter().zip(soft.rows()).map(crossed))
+            .fold((0.0, 0.0), |s, c| (s.0 + c.0, s.1 + c.1));
+        far / w
+    }
+
+    #[test]
+    fn weights_spread_alike_however_fine_the_cloth() {
+        let avatar = Avatar::embedded().expect("the embedded body is sound");
+        let [coarse, fine] = [0.025, 0.015].map(|edge| {
+            let recipe = Recipe::Tee(Tee {
+                edge,
+                ..Tee::default()
+            });
+            spread_over(&Garment::make(&avatar, &recipe).expect("a shirt"), &avatar)
+        });
+        assert!((coarse / fine - 1.0).abs() < 0.15, "{coarse} and {fine}");
+    }
 }

@@ -42,13 +42,13 @@ pub(super) fn any_cut(who: Wearer<'_>, noise: &mut Noise) -> CutFor {
 
 /// The fabrics that others lie between: those of real cloth, and the paper one that models are compared
 /// in.
-pub(super) fn fabrics() -> Vec<Fabric> {
+pub(crate) fn fabrics() -> Vec<Fabric> {
     let known = |f: &Fabric| !f.is_paper() || f.name == "paper-snug-cotton";
     Fabric::presets().into_iter().filter(known).collect()
 }
 
 /// A fabric somewhere between two of them, and now and then one of them.
-pub(super) fn any_fabric(fabrics: &[Fabric], noise: &mut Noise) -> Fabric {
+pub(crate) fn any_fabric(fabrics: &[Fabric], noise: &mut Noise) -> Fabric {
     let [a, b] = [0; 2].map(|_| &fabrics[noise.below(fabrics.len())]);
     let t = noise.unit();
     let between = |of: fn(&Fabric) -> f64| ((1.0 - t) * of(a).ln() + t * of(b).ln()).exp();

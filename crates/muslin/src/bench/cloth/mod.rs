@@ -5,7 +5,7 @@
 
 mod elastica;
 mod peers;
-mod scenes;
+pub(super) mod scenes;
 
 use glam::{DVec2, DVec3, Vec3Swizzles};
 use muslin_garment::Fabric;
@@ -23,7 +23,7 @@ const G: f64 = 9.81;
 /// Speed below which cloth counts as resting [m/s], and draped cloth, which creeps along its
 /// valleys for long.
 const STILL: f64 = 1e-5;
-const DRAPED: f64 = 1e-3;
+pub(super) const DRAPED: f64 = 1e-3;
 
 /// One figure beside its target.
 #[derive(Clone, Debug)]
@@ -344,8 +344,8 @@ fn shaded(fabric: &Fabric, edge: f64, breath: DVec2) -> f64 {
 }
 
 /// Area that triangles shade when lit from above [m²], in cells of a millimetre.
-fn shadow(x: &[DVec3], faces: &[[u32; 3]]) -> f64 {
-    const N: usize = 400;
+pub(super) fn shadow(x: &[DVec3], faces: &[[u32; 3]]) -> f64 {
+    const N: usize = 600;
     const CELL: f64 = 1e-3;
     let at = |i: u32| (x[i as usize].xz() / CELL) + 0.5 * N as f64;
     let mut dark = vec![false; N * N];

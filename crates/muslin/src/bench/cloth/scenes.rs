@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use muslin_energy::{hinge::Bend, membrane::Stretch};
 use muslin_sim::{Cloth, Material, Options, State, Walk, drape, simulate};
 
-use crate::drape::STRIP;
+use crate::drape::{NEARLY_THERE, STRIP};
 
 /// How a strip is cut into triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -269,6 +269,19 @@ pub fn at_rest(cloth: &Cloth, start: &[DVec3], on: &Still, still: f64) -> Vec<DV
         pin: CLAMP,
         handles: true,
         ..Options::default()
+    };
+    let path = [on.verts.clone().into()];
+    let settled = drape(cloth, start, (&path, &on.faces), &options);
+    settled.map_or_else(|_| Vec::new(), |s| s.verts)
+}
+
+/// The cloth after so many steps of the kind that refines what was predicted.
+pub fn led(cloth: &Cloth, start: &[DVec3], on: &Still, steps: usize) -> Vec<DVec3> {
+    let options = Options {
+        last_steps: steps,
+        rounds: 1,
+        pin: CLAMP,
+        ..NEARLY_THERE
     };
     let path = [on.verts.clone().into()];
     let settled = drape(cloth, start, (&path, &on.faces), &options);
