@@ -45,6 +45,11 @@ pub(crate) fn told(
     (fabric, wearer, cut): (&Fabric, &Measures, Option<&CutFor>),
 ) -> Model {
     let all = [&of_fabric(fabric)[..], &of_wearer(wearer), &of_cut(cut)].concat();
+    told_all(model, &all)
+}
+
+/// The model for what these traits say, as far as it is told of them.
+pub(crate) fn told_all(model: Model, all: &[Trait]) -> Model {
     model.told(|name| Some(all.iter().find(|t| t.0 == name)?.1))
 }
 

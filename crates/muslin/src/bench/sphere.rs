@@ -4,7 +4,7 @@
 //! any fabric. What is measured is the drape coefficient: how much of the ring around the ball the cloth shades.
 
 use std::collections::BTreeMap;
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 
 use glam::{DQuat, DVec2, DVec3};
 use muslin_body::{Avatar, AvatarParts, Bone, Figure, Part, PartCounts, Pose, Rig, Shape, Sparse};
@@ -14,7 +14,7 @@ use muslin_net::learn::Noise;
 use muslin_sim::Cloth;
 use muslin_train::{Lesson, Plan, Trainer, Training};
 
-use super::cloth::{DRAPED, scenes, shadow};
+use super::cloth::{DRAPED, coefficient, scenes};
 use super::fabrics::FABRICS;
 use super::garments::REFINE;
 use crate::animate::model_failure;
@@ -46,8 +46,8 @@ const SIDE: u32 = 16;
 const LESSONS: usize = 32;
 const POSES: usize = 16;
 const TILT: f64 = 0.1;
-/// The fabric in which the disc is led to rest before it is taught.
-const FIRST: &str = "wool-suiting";
+/// Which of the fabrics the disc is led to rest in before it is taught: wool.
+const FIRST: usize = 2;
 
 /// Heads of the table that [`rows`] fills.
 pub(super) const HEADS: [&str; 4] = [
@@ -143,7 +143,7 @@ impl Ball {
         let named = FABRICS.map(|f| Fabric::named(f).expect("a preset"));
         let between = (FABRICS.len()..LESSONS).map(|_| variety::any_fabric(&known, noise));
         let fabrics: Vec<Fabric> = named.into_iter().chain(between).collect();
-        let cloths: Vec<Cloth> = fabrics.iter().map(|f| disc(f).0).collect();
+        let cloths: Vec<Cloth> = fabrics.iter().map(cut).collect();
         let told: Vec<[Trait; 4]> = fabrics.iter().map(traits::of_fabric).collect();
         let weights = rigid(laid.len());
         let lesson = |k: usize| Lesson {
@@ -193,10 +193,18 @@ fn rigid(n: usize) -> Sparse {
     weights
 }
 
-/// The disc in a fabric, and where it is laid over the ball [m]: around its upper half, and straight down from there.
-fn disc(fabric: &Fabric) -> (Cloth, Vec<DVec3>) {
-    let piece = scenes::disc(&scenes::rings(HELD, DISC, EDGE));
-    let cloth = piece.cloth(material(fabric), |i| piece.points[i].length() < HELD);
+fn disc() -> scenes::Piece {
+    scenes::disc(&scenes::rings(HELD, DISC, EDGE))
+}
+
+/// The disc in a fabric.
+fn cut(fabric: &Fabric) -> Cloth {
+    let piece = disc();
+    piece.cloth(material(fabric), |i| piece.points[i].length() < HELD)
+}
+
+/// Where the disc is laid over the ball [m]: around its upper half, and straight down from there.
+fn laid() -> Vec<DVec3> {
     let around = BALL + OFF;
     let lay = |p: &DVec2| {
         let (r, to) = (p.length(), p.normalize_or_zero());
@@ -205,40 +213,37 @@ fn disc(fabric: &Fabric) -> (Cloth, Vec<DVec3>) {
         let out = arc.sin() * (around + 0.5 * UNEVEN * (1.0 + BREATH.dot(*p).sin()));
         DVec3::new(to.x * out, arc.cos() * around - below, -to.y * out)
     };
-    let laid = piece.points.iter().map(lay).collect();
-    (cloth, laid)
+    disc().points.iter().map(lay).collect()
 }
 
 /// Share of the ring around the ball that the cloth shades [%].
-fn coefficient(cloth: &Cloth, x: &[DVec3]) -> f64 {
-    let (whole, top) = (PI * DISC * DISC, PI * BALL * BALL);
-    100.0 * (shadow(x, &cloth.faces) - top) / (whole - top)
+fn shaded(cloth: &Cloth, x: &[DVec3]) -> f64 {
+    coefficient((x, &cloth.faces), (BALL, DISC))
 }
 
 /// Adds a row for each fabric, and says how many.
 pub(super) fn rows(table: &mut Table, watch: &mut Watch) -> Result<String, Failure> {
     let ball = Ball::new()?;
-    let still = ball.still();
-    let (cloth, start) = disc(&Fabric::named(FIRST).expect("a preset"));
-    let laid = scenes::at_rest(&cloth, &start, &still, DRAPED);
-    let model = ball.taught(&laid, watch)?;
-    for name in FABRICS {
-        let fabric = Fabric::named(name).expect("a preset");
-        let (cloth, start) = disc(&fabric);
-        let told = traits::of_fabric(&fabric);
-        let value = |name: &str| Some(told.iter().find(|t| t.0 == name)?.1);
-        let raw = ball.predicted(&model.clone().told(value))?;
-        let refined = scenes::led(&cloth, &raw, &still, REFINE);
-        let simulated = scenes::at_rest(&cloth, &start, &still, DRAPED);
-        let all = [&raw, &refined, &simulated];
-        let [raw, refined, simulated] = all.map(|x| format!("{:.1}", coefficient(&cloth, x)));
-        table.row([name.to_owned(), raw, refined, simulated]);
+    let (still, start) = (ball.still(), laid());
+    let fabrics = FABRICS.map(|name| Fabric::named(name).expect("a preset"));
+    let cloths = fabrics.each_ref().map(cut);
+    let simulated = (cloths.each_ref()).map(|c| scenes::at_rest(c, &start, &still, DRAPED));
+    let model = ball.taught(&simulated[FIRST], watch)?;
+    for (k, fabric) in fabrics.iter().enumerate() {
+        let told = traits::told_all(model.clone(), &traits::of_fabric(fabric));
+        let raw = ball.predicted(&told)?;
+        let refined = scenes::led(&cloths[k], &raw, &still, REFINE);
+        let all = [&raw, &refined, &simulated[k]];
+        let [raw, refined, simulated] = all.map(|x| format!("{:.1}", shaded(&cloths[k], x)));
+        table.row([fabric.name.clone(), raw, refined, simulated]);
     }
     Ok(format!("{} fabrics on a ball", FABRICS.len()))
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     #[test]
@@ -261,13 +266,12 @@ mod tests {
 
     #[test]
     fn a_flat_disc_shades_the_whole_ring_and_one_within_the_ball_nothing() {
-        let (cloth, _) = disc(&Fabric::named("denim").expect("a preset"));
-        let piece = scenes::disc(&scenes::rings(HELD, DISC, EDGE));
+        let cloth = cut(&Fabric::named("denim").expect("a preset"));
         let at = |share: f64| -> Vec<DVec3> {
             let flat = |p: &DVec2| DVec3::new(share * p.x, 0.2, -share * p.y);
-            piece.points.iter().map(flat).collect()
+            disc().points.iter().map(flat).collect()
         };
-        let [whole, none] = [1.0, BALL / DISC].map(|s| coefficient(&cloth, &at(s)));
+        let [whole, none] = [1.0, BALL / DISC].map(|s| shaded(&cloth, &at(s)));
         assert!(
             (whole - 100.0).abs() < 1.5 && none.abs() < 1.5,
             "{whole} and {none}"
@@ -278,9 +282,9 @@ mod tests {
     fn supple_cloth_hangs_closer_to_a_ball_than_stiff_cloth() {
         let still = Ball::new().expect("a sound body").still();
         let [silk, denim] = ["silk-charmeuse", "denim"].map(|name| {
-            let (cloth, start) = disc(&Fabric::named(name).expect("a preset"));
-            let x = scenes::at_rest(&cloth, &start, &still, DRAPED);
-            coefficient(&cloth, &x)
+            let cloth = cut(&Fabric::named(name).expect("a preset"));
+            let x = scenes::at_rest(&cloth, &laid(), &still, DRAPED);
+            shaded(&cloth, &x)
         });
         assert!(silk + 20.0 < denim && denim < 100.0, "{silk} and {denim}");
     }

@@ -338,13 +338,18 @@ fn shaded(fabric: &Fabric, edge: f64, breath: DVec2) -> f64 {
     if x.is_empty() {
         return f64::NAN;
     }
+    coefficient((&x, &cloth.faces), (support, disc))
+}
+
+/// Share of the ring between what holds a disc up and the disc's own radius [m] that it shades [%].
+pub(super) fn coefficient(cloth: (&[DVec3], &[[u32; 3]]), (support, disc): (f64, f64)) -> f64 {
     let (whole, top) = (disc * disc, support * support);
     let area = std::f64::consts::PI;
-    100.0 * (shadow(&x, &cloth.faces) - area * top) / (area * (whole - top))
+    100.0 * (shadow(cloth.0, cloth.1) - area * top) / (area * (whole - top))
 }
 
 /// Area that triangles shade when lit from above [m²], in cells of a millimetre.
-pub(super) fn shadow(x: &[DVec3], faces: &[[u32; 3]]) -> f64 {
+fn shadow(x: &[DVec3], faces: &[[u32; 3]]) -> f64 {
     const N: usize = 600;
     const CELL: f64 = 1e-3;
     let at = |i: u32| (x[i as usize].xz() / CELL) + 0.5 * N as f64;

@@ -270,9 +270,7 @@ pub fn at_rest(cloth: &Cloth, start: &[DVec3], on: &Still, still: f64) -> Vec<DV
         handles: true,
         ..Options::default()
     };
-    let path = [on.verts.clone().into()];
-    let settled = drape(cloth, start, (&path, &on.faces), &options);
-    settled.map_or_else(|_| Vec::new(), |s| s.verts)
+    draped(cloth, start, on, &options)
 }
 
 /// The cloth after so many steps of the kind that refines what was predicted.
@@ -283,8 +281,13 @@ pub fn led(cloth: &Cloth, start: &[DVec3], on: &Still, steps: usize) -> Vec<DVec
         pin: CLAMP,
         ..NEARLY_THERE
     };
+    draped(cloth, start, on, &options)
+}
+
+/// Where cloth ends; nothing, if the simulator refuses.
+fn draped(cloth: &Cloth, start: &[DVec3], on: &Still, options: &Options) -> Vec<DVec3> {
     let path = [on.verts.clone().into()];
-    let settled = drape(cloth, start, (&path, &on.faces), &options);
+    let settled = drape(cloth, start, (&path, &on.faces), options);
     settled.map_or_else(|_| Vec::new(), |s| s.verts)
 }
 
