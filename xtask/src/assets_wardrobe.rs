@@ -1,5 +1,6 @@
-//! `cargo xtask assets wardrobe CMU_DIR [NAME ...]`: the trained garments that come with the program; and
-//! `cargo xtask assets garments`: all of them, as they are cut.
+//! `cargo xtask assets wardrobe CMU_DIR [NAME ...]`: the trained garments that come with the program;
+//! `cargo xtask assets swings`: the same, and how they swing found anew; and `cargo xtask assets garments`: all of them,
+//! as they are cut.
 //!
 //! Each learns by `muslin train` from the built-in motions, from nine recordings of the CMU Graphics Lab
 //! Motion Capture Database, and from poses mixed of both. Nothing was simulated.
@@ -56,9 +57,18 @@ const FOLDER: &str = "assets/wardrobe";
 
 /// Cuts the garments, for whom nobody should wait later.
 pub fn cut() -> Outcome {
-    let mut cut = Command::new("cargo");
-    cut.args(["run", "--release", "--package", "muslin", "--example"]);
-    done(cut.args(["cut_garments", "--", FOLDER]))
+    example("cut_garments")
+}
+
+/// Finds anew how the trained garments swing, which nobody teaches.
+pub fn swing() -> Outcome {
+    example("swing_garments")
+}
+
+fn example(name: &str) -> Outcome {
+    let mut run = Command::new("cargo");
+    run.args(["run", "--release", "--package", "muslin", "--example"]);
+    done(run.args([name, "--", FOLDER]))
 }
 
 fn done(command: &mut Command) -> Outcome {

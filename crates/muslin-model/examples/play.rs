@@ -1,5 +1,5 @@
 //! How many frames a second a model plays on one core: `cargo run --release -p muslin-model
-//! --example play [VERTICES [CODES [WIDTH [SWINGS]]]]`.
+//! --example play [VERTICES [CODES [WIDTH [SWINGS [WALLS]]]]]`.
 //!
 //! The model is made up: a tube around the spine and arms, six bones a vertex, random shapes. What
 //! it costs is that of a trained one. Prints the least of many short runs; the posed bones are
@@ -8,7 +8,7 @@
 use std::time::Instant;
 
 use muslin_body::{Avatar, Pose, Shape, motions};
-use muslin_model::{Encoder, Model, Player, Reader, Skin, Sway};
+use muslin_model::{Encoder, FOLLOWED, Model, Player, Reader, Skin, Sway, Wall};
 use muslin_net::learn::{Mlp, Noise, Nonlinear};
 
 /// Points whose motion stands for the tube's.
@@ -35,10 +35,11 @@ fn main() {
         Some(Ok(n)) => n,
         _ => usual,
     };
-    let (n, codes, width, swings) = (next(12_037), next(64), next(128), next(16));
+    let (n, codes, width) = (next(12_037), next(64), next(128));
+    let (swings, walls) = (next(16), next(400));
     let avatar = Avatar::embedded().expect("the embedded body is sound");
     let figure = avatar.figure(&Shape::default()).expect("the default shape");
-    let model = model((n, codes, width), swings);
+    let model = model((n, codes, width), (swings, walls));
     let mut player = Player::new(&model, &avatar).expect("all bones are the body's");
     let walk = motions::make(&avatar, &figure, "walk", 30.0).expect("a built-in motion");
     let poses: Vec<&Pose> = walk.poses.iter().step_by(3).take(32).collect();
@@ -59,7 +60,7 @@ fn main() {
     let turned = least(|| player.frames_with_normals(&all, (&mut out, &mut normals)));
     let rate = |seconds: f64| poses.len() as f64 / seconds;
     println!(
-        "{n} vertices, {codes} codes, width {width}, {swings} swings: {:.0} frames a second one by one, {:.0} together, {:.0} with normals",
+        "{n} vertices, {codes} codes, width {width}, {swings} swings, {walls} walls: {:.0} frames a second one by one, {:.0} together, {:.0} with normals",
         rate(single),
         rate(batched),
         rate(turned)
@@ -85,7 +86,22 @@ fn tube(n: u32) -> Vec<[u32; 3]> {
         .collect()
 }
 
-fn model((n, codes, width): (usize, usize, usize), swings: usize) -> Model {
+/// Skin below a vertex, which follows four of its bones.
+fn wall(v: usize, skin: &Skin) -> Wall {
+    let mut row: Vec<(usize, f32)> = skin.row(v).collect();
+    row.sort_by(|a, b| b.1.total_cmp(&a.1));
+    row.truncate(FOLLOWED);
+    let sum: f32 = row.iter().map(|e| e.1).sum();
+    Wall {
+        vertex: v as u32,
+        foot: [0.1, 1.2, 0.09],
+        out: [0.0, 0.0, 1.0],
+        bones: std::array::from_fn(|i| row[i].0 as u8),
+        weights: std::array::from_fn(|i| row[i].1 / sum),
+    }
+}
+
+fn model((n, codes, width): (usize, usize, usize), (swings, walls): (usize, usize)) -> Model {
     let mut noise = Noise::new(3);
     let names = BONES.map(str::to_owned).to_vec();
     let encoder = Mlp {
@@ -113,7 +129,7 @@ fn model((n, codes, width): (usize, usize, usize), swings: usize) -> Model {
         faces: tube(n as u32),
         template: vec![[0.1, 1.2, 0.1]; n],
         bones: names.clone(),
-        skin,
+        skin: skin.clone(),
         scale: vec![[0.0, 1.0]; encoder.widths[0]],
         drivers: names,
         params: encoder.start(&mut noise),
@@ -133,7 +149,9 @@ fn model((n, codes, width): (usize, usize, usize), swings: usize) -> Model {
                 .collect(),
             masses: vec![0.2 / SAMPLES as f32; SAMPLES],
             means: noise.normals(3 * SAMPLES * swings),
-            ..Sway::default()
+            walls: (0..walls)
+                .map(|i| wall(i * (n / walls.max(1)), &skin))
+                .collect(),
         }),
         resizer: None,
     }

@@ -27,6 +27,7 @@ mod stored;
 mod stream;
 mod sway;
 mod swing;
+mod walls;
 
 pub use describe::Reader;
 pub use encoder::{Encoder, Ncs, Snug};
@@ -35,4 +36,4 @@ pub use model::{Model, Skin, Trait};
 pub use player::Player;
 pub use resizer::Resizer;
 pub use stream::Stream;
-pub use sway::Sway;
+pub use sway::{FOLLOWED, Sway, Wall};

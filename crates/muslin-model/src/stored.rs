@@ -5,7 +5,8 @@ use muslin_net::learn::{Mlp, Nonlinear};
 use muslin_net::{Array, Numbers, Weights};
 
 use crate::packed::{Packed, bytes_of, stepped, unpacked, unstepped};
-use crate::{Encoder, Model, ModelError, Ncs, Resizer, Skin, Snug, Sway, Trait};
+use crate::sway::FOLLOWED;
+use crate::{Encoder, Model, ModelError, Ncs, Resizer, Skin, Snug, Sway, Trait, Wall};
 
 /// What the notes say of the kind of file: with a network of our own, with one that a note names, with a
 /// network of our own that is told traits, with one of our own whose shapes are 12-bit steps, and with one that a
@@ -157,16 +158,7 @@ impl Model {
             add("sway.samples", &[m], Numbers::U32(s.samples.clone()));
             add("sway.masses", &[m], list(&s.masses));
             if !s.walls.is_empty() {
-                add(
-                    "sway.walls",
-                    &[s.walls.len()],
-                    Numbers::U32(s.walls.clone()),
-                );
-                add(
-                    "sway.rooms",
-                    &[s.walls.len(), 4],
-                    list(s.rooms.as_flattened()),
-                );
+                held(&s.walls, add);
             }
         }
         out
@@ -291,7 +283,12 @@ impl Model {
             self.params.len() == self.encoder.n_params(),
         )?;
         fits("modes", self.modes.len() == 3 * n * self.n_codes())?;
-        fits("sway", self.sway.as_ref().is_none_or(|s| s.fits(n)))?;
+        fits(
+            "sway",
+            self.sway
+                .as_ref()
+                .is_none_or(|s| s.fits(n, self.bones.len())),
+        )?;
         let all = [&self.params, &self.modes, &self.skin.weights];
         let sound = all.iter().all(|a| a.iter().all(|x| x.is_finite()));
         let rest = [self.template.as_flattened(), self.scale.as_flattened()];
@@ -370,16 +367,11 @@ impl<'a> From<'a> {
 
     /// How the cloth swings, if the file says so.
     fn sway(&self) -> Result<Option<Sway>, ModelError> {
-        if !self.weights.arrays.contains_key("sway.shapes") {
+        let has = |name: &str| self.weights.arrays.contains_key(name);
+        // Walls that knew the skin at rest alone: how the cloth swings is found anew.
+        if !has("sway.shapes") || has("sway.rooms") {
             return Ok(None);
         }
-        let (walls, rooms) = match self.weights.arrays.contains_key("sway.walls") {
-            true => (
-                self.u32s("sway.walls")?.to_vec(),
-                self.f32s("sway.rooms")?.as_chunks::<4>().0.to_vec(),
-            ),
-            false => Default::default(),
-        };
         Ok(Some(Sway {
             shapes: unstepped(self.bytes("sway.shapes")?, &self.f32s("sway.steps")?),
             means: self.f32s("sway.means")?,
@@ -387,9 +379,32 @@ impl<'a> From<'a> {
             damping: self.f32s("sway.damping")?,
             samples: self.u32s("sway.samples")?.to_vec(),
             masses: self.f32s("sway.masses")?,
-            walls,
-            rooms,
+            walls: match has("sway.walls") {
+                true => self.walls()?,
+                false => Vec::new(),
+            },
         }))
+    }
+
+    /// What holds swings back.
+    fn walls(&self) -> Result<Vec<Wall>, ModelError> {
+        let verts = self.u32s("sway.walls")?;
+        let [feet, outs] = [self.f32s("sway.feet")?, self.f32s("sway.outs")?].map(|a| triples(&a));
+        let bones = self.bytes("sway.foot_bones")?.as_chunks::<FOLLOWED>().0;
+        let weights = self.f32s("sway.foot_weights")?;
+        let weights = weights.as_chunks::<FOLLOWED>().0;
+        let n = verts.len();
+        if [feet.len(), outs.len(), bones.len(), weights.len()] != [n; 4] {
+            return Err(ModelError::wrong("sway.walls", "do not fit each other"));
+        }
+        let one = |i: usize| Wall {
+            vertex: verts[i],
+            foot: feet[i],
+            out: outs[i],
+            bones: bones[i],
+            weights: weights[i],
+        };
+        Ok((0..n).map(one).collect())
     }
 
     /// The network that lays the cloth on others.
@@ -481,6 +496,20 @@ impl<'a> From<'a> {
             _ => Err(ModelError::wrong(name, "holds no bytes")),
         }
     }
+}
+
+/// Adds what holds swings back.
+fn held(walls: &[Wall], mut add: impl FnMut(&str, &[usize], Numbers)) {
+    let n = walls.len();
+    let verts = walls.iter().map(|w| w.vertex).collect();
+    let each = |one: fn(&Wall) -> [f32; 3]| walls.iter().flat_map(one).collect();
+    let bones = walls.iter().flat_map(|w| w.bones).collect();
+    let weights = walls.iter().flat_map(|w| w.weights).collect();
+    add("sway.walls", &[n], Numbers::U32(verts));
+    add("sway.feet", &[n, 3], Numbers::F32(each(|w| w.foot)));
+    add("sway.outs", &[n, 3], Numbers::F32(each(|w| w.out)));
+    add("sway.foot_bones", &[n, FOLLOWED], Numbers::U8(bones));
+    add("sway.foot_weights", &[n, FOLLOWED], Numbers::F32(weights));
 }
 
 fn triples<T: Copy>(flat: &[T]) -> Vec<[T; 3]> {

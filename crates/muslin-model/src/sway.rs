@@ -21,10 +21,41 @@ pub struct Sway {
     pub masses: Vec<f32>,
     /// Its mean share in the swings: like `shapes`, for every coordinate of every sample a row.
     pub means: Vec<f32>,
-    /// Vertices that the skin below them holds back.
-    pub walls: Vec<u32>,
-    /// Of each of them the way out of the skin, around the body at rest, and how far it may swing the other way [m].
-    pub rooms: Vec<[f32; 4]>,
+    /// What holds it back.
+    pub walls: Vec<Wall>,
+}
+
+/// Skin below a vertex, which swings do not take it through.
+///
+/// In a pose the skin there is a plane: its point and the way out of it are carried by the skin's own bones,
+/// however the pose lays the cloth.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wall {
+    /// The vertex.
+    pub vertex: u32,
+    /// The skin's point at rest [m].
+    pub foot: [f32; 3],
+    /// The unit way out of the skin there.
+    pub out: [f32; 3],
+    /// Bones that the point follows, as indices into [`Model::bones`](crate::Model::bones), and how strongly.
+    pub bones: [u8; FOLLOWED],
+    /// Their weights, which sum to one.
+    pub weights: [f32; FOLLOWED],
+}
+
+/// Bones that a point of the skin follows, at most.
+pub const FOLLOWED: usize = 4;
+
+impl Wall {
+    /// Whether it holds what it may, below a cloth of `n` vertices on so many bones.
+    fn fits(&self, n: usize, bones: usize) -> bool {
+        let sum: f32 = self.weights.iter().sum();
+        (self.vertex as usize) < n
+            && self.bones.iter().all(|b| usize::from(*b) < bones)
+            && self.foot.iter().chain(&self.out).all(|x| x.is_finite())
+            && self.weights.iter().all(|w| *w >= 0.0)
+            && (sum - 1.0).abs() < 1e-3
+    }
 }
 
 /// Swings at most: playing them inverts a matrix of this size.
@@ -41,8 +72,8 @@ impl Sway {
         self.stiffness.is_empty()
     }
 
-    /// Whether the arrays fit each other and a cloth of `n` vertices, and hold what they may.
-    pub fn fits(&self, n: usize) -> bool {
+    /// Whether the arrays fit each other and a cloth of `n` vertices on so many bones, and hold what they may.
+    pub fn fits(&self, n: usize, bones: usize) -> bool {
         let (k, m) = (self.len(), self.samples.len());
         let all = [
             &self.shapes,
@@ -57,12 +88,7 @@ impl Sway {
             && self.damping.len() == k
             && self.masses.len() == m
             && self.samples.iter().all(|v| (*v as usize) < n)
-            && self.rooms.len() == self.walls.len()
-            && self.walls.iter().all(|v| (*v as usize) < n)
-            && self
-                .rooms
-                .iter()
-                .all(|r| r.iter().all(|x| x.is_finite()) && r[3] >= 0.0)
+            && self.walls.iter().all(|w| w.fits(n, bones))
             && all.iter().all(|a| a.iter().all(|x| x.is_finite()))
             && [&self.stiffness, &self.damping, &self.masses]
                 .iter()

@@ -6,6 +6,7 @@ use muslin_net::learn::Linear;
 
 use crate::decode::Affine;
 use crate::layers::Dense;
+use crate::walls::Walls;
 use crate::{Model, Sway};
 
 /// Steps of cloth's swings by BDF2, on the points that stand for it.
@@ -41,81 +42,35 @@ pub(crate) struct Swing {
     pub level: f32,
 }
 
-/// Skin that holds cloth back, in the frame of the bones it follows: `aᵀ q ≥ -room`.
-#[derive(Clone, Debug)]
-struct Walls {
-    /// `a` of every wall, one entry per code: the way out of the skin times the vertex's swings.
-    ways: Vec<f32>,
-    rooms: Vec<f32>,
-    /// How far behind the skin codes leave all of them [m], and room for that.
-    behind: Dense,
-    all: Vec<f32>,
-    /// `A⁻¹ a`, with `A` the system of a step, and `1 / aᵀ A⁻¹ a`.
-    pushes: Vec<f32>,
-    gains: Vec<f32>,
+/// Where bones carry a point, and how they turn what is around it.
+#[inline(always)]
+fn carried(followed: &[(u8, f32)], bones: &[Affine], at: Vec3A) -> (Vec3A, Mat3A) {
+    let (mut x, mut turn) = (Vec3A::ZERO, Mat3A::ZERO);
+    for &(b, w) in followed {
+        let a = &bones[usize::from(b)];
+        let m = Mat3A::from_cols_slice(&a[..9]);
+        x += (m * at + Vec3A::from_slice(&a[9..])) * w;
+        turn += m * w;
+    }
+    (x, turn)
 }
 
-/// Rounds over the walls in a step.
-const ROUNDS: usize = 3;
+/// The bones that a vertex follows, and how strongly.
+fn bones_of(model: &Model, v: usize) -> Vec<(u8, f32)> {
+    model.skin.row(v).map(|(b, w)| (b as u8, w)).collect()
+}
 
-impl Walls {
-    fn new(sway: &Sway) -> Self {
-        let k = sway.len();
-        let mut ways = Vec::with_capacity(sway.walls.len() * k);
-        for (v, [x, y, z, _]) in sway.walls.iter().zip(&sway.rooms) {
-            let rows = &sway.shapes[3 * *v as usize * k..][..3 * k];
-            ways.extend((0..k).map(|c| x * rows[c] + y * rows[k + c] + z * rows[2 * k + c]));
-        }
-        let rooms = sway.rooms.iter().map(|r| -r[3]);
-        let params: Vec<f32> = ways.iter().map(|a| -a).chain(rooms).collect();
-        Self {
-            behind: dense(k, sway.walls.len(), &params),
-            all: vec![0.0; sway.walls.len()],
-            pushes: vec![0.0; ways.len()],
-            gains: vec![0.0; sway.walls.len()],
-            rooms: sway.rooms.iter().map(|r| r[3]).collect(),
-            ways,
-        }
-    }
-
-    /// Gets ready for steps of that inverse system.
-    fn ready(&mut self, inverse: &[f32], k: usize) {
-        let pushes = self
-            .pushes
-            .chunks_exact_mut(k)
-            .zip(self.ways.chunks_exact(k));
-        for ((push, way), gain) in pushes.zip(&mut self.gains) {
-            for (p, row) in push.iter_mut().zip(inverse.chunks_exact(k)) {
-                *p = dot(row, way);
-            }
-            *gain = 1.0 / dot(push, way).max(f32::MIN_POSITIVE);
-        }
-    }
-
-    /// Codes that leave all of them in front of the skin, as far as a few rounds get.
-    #[inline(always)]
-    fn hold(&mut self, q: &mut [f32]) {
-        let k = q.len();
-        if self.gains.is_empty() {
-            return;
-        }
-        for _ in 0..ROUNDS {
-            self.behind.apply(q, &mut self.all);
-            if self.all.iter().all(|by| *by <= 0.0) {
-                return;
-            }
-            for (w, (way, push)) in (self.ways.chunks_exact(k))
-                .zip(self.pushes.chunks_exact(k))
-                .enumerate()
-            {
-                let behind = -self.rooms[w] - dot(way, q);
-                if behind > 0.0 {
-                    let by = behind * self.gains[w];
-                    q.iter_mut().zip(push).for_each(|(q, p)| *q += by * p);
-                }
-            }
-        }
-    }
+/// From the pose's codes to where vertices are before they are carried, axis by axis [m].
+fn still(model: &Model, verts: impl Iterator<Item = usize> + Clone) -> Dense {
+    let codes = model.n_codes() - 1;
+    let rows = verts.flat_map(|v| (0..3).map(move |axis| (v, axis)));
+    let row = |(v, axis): (usize, usize)| &model.modes[(3 * v + axis) * (codes + 1)..][..=codes];
+    let mixed = rows.clone().flat_map(|r| &row(r)[..codes]);
+    let at = rows
+        .clone()
+        .map(|r| model.template[r.0][r.1] + row(r)[codes]);
+    let params: Vec<f32> = mixed.copied().chain(at).collect();
+    dense(codes, rows.count(), &params)
 }
 
 /// A point that stands for the cloth around it.
@@ -130,36 +85,23 @@ impl Swing {
     /// Of a model's swings, if it has any.
     pub fn new(model: &Model) -> Option<Self> {
         let sway = model.sway.as_ref().filter(|s| !s.is_empty())?;
-        let (k, codes) = (sway.len(), model.n_codes() - 1);
-        let mut still = Vec::with_capacity(3 * sway.samples.len() * (codes + 1));
-        let mut at = Vec::with_capacity(3 * sway.samples.len());
-        let mut points = Vec::with_capacity(sway.samples.len());
-        for (&v, &mass) in sway.samples.iter().zip(&sway.masses) {
-            let v = v as usize;
-            let mut rest = Vec3A::from_array(model.template[v]);
-            for axis in 0..3 {
-                let row = &model.modes[(3 * v + axis) * (codes + 1)..][..codes + 1];
-                rest[axis] += row[codes];
-                still.extend(&row[..codes]);
-            }
-            let bones = model.skin.row(v).map(|(b, w)| (b as u8, w)).collect();
-            at.extend(rest.to_array());
-            points.push(Point { mass, bones });
-        }
-        let n = points.len();
-        still.extend(at);
+        let (k, n) = (sway.len(), sway.samples.len());
+        let point = |(v, mass): (&u32, &f32)| Point {
+            mass: *mass,
+            bones: bones_of(model, *v as usize),
+        };
         let turned = (0..k).flat_map(|c| sway.means[c..].iter().step_by(k));
         let turned: Vec<f32> = turned.copied().chain(std::iter::repeat_n(0.0, k)).collect();
         let means = sway.means.iter().copied();
         let ways: Vec<f32> = means.chain(std::iter::repeat_n(0.0, 3 * n)).collect();
         Some(Self {
-            still: dense(codes, 3 * n, &still),
+            still: still(model, sway.samples.iter().map(|v| *v as usize)),
             ways: dense(k, 3 * n, &ways),
             pulls: dense(3 * n, k, &turned),
             means: sway.means.clone(),
             damping: sway.damping.clone(),
             stiffness: sway.stiffness.clone(),
-            walls: Walls::new(sway),
+            walls: Walls::new(model, sway),
             step: 0.0,
             inverse: vec![0.0; k * k],
             seen: 0,
@@ -169,7 +111,7 @@ impl Swing {
             each: vec![0.0; 3 * n],
             right: vec![0.0; k],
             level: 1.0,
-            points,
+            points: sway.samples.iter().zip(&sway.masses).map(point).collect(),
         })
     }
 
@@ -201,7 +143,7 @@ impl Swing {
         }
         let inverse = inverse(a, k);
         (self.inverse.iter_mut().zip(inverse)).for_each(|(to, x)| *to = x as f32);
-        self.walls.ready(&self.inverse, k);
+        self.walls.ready(&self.inverse);
     }
 
     /// The codes of the next frame, where the pose mixes shapes by `z` and bones stand so.
@@ -228,7 +170,10 @@ impl Swing {
                 }
                 self.seen += 1;
             }
-            _ => self.step(tau),
+            _ => {
+                self.walls.stand(z, bones);
+                self.step(tau);
+            }
         }
         for (to, q) in out[..k].iter_mut().zip(&self.codes[0]) {
             *to = self.level * q;
@@ -241,15 +186,7 @@ impl Swing {
         self.still.apply(z, &mut self.each);
         let places = self.each.as_chunks::<3>().0;
         for ((p, at), here) in self.points.iter().zip(places).zip(&mut self.here) {
-            let at = Vec3A::from_array(*at);
-            let (mut x, mut turn) = (Vec3A::ZERO, Mat3A::ZERO);
-            for &(b, w) in &p.bones {
-                let a = &bones[usize::from(b)];
-                let m = Mat3A::from_cols_slice(&a[..9]);
-                x += (m * at + Vec3A::from_slice(&a[9..])) * w;
-                turn += m * w;
-            }
-            *here = (x, turn);
+            *here = carried(&p.bones, bones, Vec3A::from_array(*at));
         }
     }
 
@@ -288,7 +225,7 @@ impl Swing {
 }
 
 /// `W x + b` of so many numbers: the rows of `W`, then `b`.
-fn dense(inputs: usize, outputs: usize, params: &[f32]) -> Dense {
+pub(crate) fn dense(inputs: usize, outputs: usize, params: &[f32]) -> Dense {
     Dense::new(
         Linear {
             inputs,
@@ -297,17 +234,6 @@ fn dense(inputs: usize, outputs: usize, params: &[f32]) -> Dense {
         },
         params,
     )
-}
-
-#[inline(always)]
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let mut sums = [0.0f32; 8];
-    let (a, b) = (a.as_chunks::<8>(), b.as_chunks::<8>());
-    for (r, c) in a.0.iter().zip(b.0) {
-        (0..8).for_each(|i| sums[i] += r[i] * c[i]);
-    }
-    let rest = a.1.iter().zip(b.1).map(|(r, c)| r * c);
-    sums.iter().sum::<f32>() + rest.sum::<f32>()
 }
 
 /// The inverse of a symmetric positive definite matrix, by rows: Gauss and Jordan.

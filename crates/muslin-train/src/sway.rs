@@ -7,7 +7,7 @@
 use glam::DVec3;
 use muslin_energy::check::eigen;
 use muslin_geom::Surface;
-use muslin_model::Sway;
+use muslin_model::{FOLLOWED, Sway, Wall};
 use muslin_net::learn::Noise;
 use muslin_sim::Hanging;
 use rayon::prelude::*;
@@ -58,22 +58,43 @@ pub fn sway(hanging: &Hanging) -> Option<Sway> {
 
 /// Vertices that skin holds back, at most.
 const WALLS: usize = 400;
-/// Cloth farther from the skin than this is not held back [m], and how near it may come.
-const FAR: f64 = 0.06;
-const NEAR: f64 = 0.002;
+/// Cloth farther from the skin than this is not held back [m].
+const FAR: f64 = 0.15;
 
-/// Holds the swings of cloth that hangs at `verts` [m] back from the `skin` of the body at rest.
-///
-/// Cloth and the skin below it follow the same bones, so that what is in front of it at rest stays there.
-pub fn hold_back(sway: &mut Sway, verts: &[DVec3], skin: &Surface) {
-    for v in spread(verts, WALLS.min(verts.len())) {
-        let Some(hit) = skin.closest(verts[v as usize], FAR) else {
+/// Holds the swings of cloth that hangs at `verts` [m] back from the `skin` of the body at rest, whose vertices
+/// follow bones by the given weights.
+pub fn hold_back(
+    sway: &mut Sway,
+    verts: &[DVec3],
+    (skin, weights): (&Surface, impl Fn(u32) -> Vec<(u8, f64)>),
+) {
+    for vertex in spread(verts, WALLS.min(verts.len())) {
+        let Some(hit) = skin.closest(verts[vertex as usize], FAR) else {
             continue;
         };
-        let n = hit.normal.as_vec3();
-        sway.walls.push(v);
-        sway.rooms
-            .push([n.x, n.y, n.z, (hit.signed - NEAR).max(0.0) as f32]);
+        let mut all: Vec<(u8, f64)> = Vec::new();
+        for (corner, share) in skin.faces()[hit.face as usize].into_iter().zip(hit.weights) {
+            for (bone, w) in weights(corner) {
+                match all.iter_mut().find(|e| e.0 == bone) {
+                    Some(e) => e.1 += share * w,
+                    None => all.push((bone, share * w)),
+                }
+            }
+        }
+        all.sort_by(|a, b| b.1.total_cmp(&a.1));
+        all.truncate(FOLLOWED);
+        let sum: f64 = all.iter().map(|e| e.1).sum();
+        if sum < 0.5 {
+            continue;
+        }
+        all.resize(FOLLOWED, (0, 0.0));
+        sway.walls.push(Wall {
+            vertex,
+            foot: hit.point.as_vec3().to_array(),
+            out: hit.normal.as_vec3().to_array(),
+            bones: std::array::from_fn(|i| all[i].0),
+            weights: std::array::from_fn(|i| (all[i].1 / sum) as f32),
+        });
     }
 }
 
@@ -468,7 +489,7 @@ mod tests {
     fn samples_stand_for_all_mass_and_every_steady_pull() {
         let hanging = strip();
         let sway = sway(&hanging).expect("large enough");
-        assert!(sway.fits(hanging.verts.len()));
+        assert!(sway.fits(hanging.verts.len(), 0));
         let mass: f64 = hanging.mass.iter().sum();
         let stood: f64 = sway.masses.iter().map(|m| f64::from(*m)).sum();
         assert!((stood / mass - 1.0).abs() < 1e-5);

@@ -49,4 +49,5 @@ pub use simulate::{Bake, SimulateOptions, simulate, simulate_several};
 pub use size::Size;
 pub use table::Table;
 pub use train::{TrainOptions, train};
+pub use wardrobe::swung_anew;
 pub use watch::{Stage, Watch};

@@ -27,16 +27,17 @@ pub(crate) fn swinging(
     let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
     let template: Vec<DVec3> = model.template.iter().map(wide).collect();
     Ok(Model {
-        sway: swings(body, (cloth, &template))?,
+        sway: swings(body, (cloth, &template), &model.bones)?,
         ..model
     })
 }
 
-/// The swings of a cloth that starts at some place [m] around a figure at rest; none where it is too
-/// small to swing.
+/// The swings of a cloth that starts at some place [m] around a figure at rest and follows these bones; none where it
+/// is too small to swing.
 pub(crate) fn swings(
     (avatar, figure): (&Avatar, &Figure),
     (cloth, start): (&Cloth, &[DVec3]),
+    bones: &[String],
 ) -> Result<Option<Sway>, Failure> {
     let cores = Cores::new(avatar, figure);
     let body = body_frame(avatar, &avatar.pose(figure, &Pose::rest(avatar)), &cores);
@@ -48,6 +49,15 @@ pub(crate) fn swings(
     let hanging = hanging.map_err(|e| Failure::new(Exit::Numbers, "swings", e.to_string()))?;
     let mut sway = muslin_train::sway(&hanging);
     let skin = Surface::new(&body.skin, avatar.collision_faces());
-    (sway.iter_mut()).for_each(|s| muslin_train::hold_back(s, &hanging.verts, &skin));
+    let own: Vec<Option<usize>> = bones.iter().map(|b| avatar.bone(b).ok()).collect();
+    let follows = |v: u32| {
+        let place = |b: u32| own.iter().position(|o| *o == Some(b as usize));
+        let row = avatar.rig().weights.row(v as usize).iter();
+        row.filter_map(|(b, w)| Some((place(*b)? as u8, *w)))
+            .collect()
+    };
+    if let Some(sway) = &mut sway {
+        muslin_train::hold_back(sway, &hanging.verts, (&skin, follows));
+    }
     Ok(sway)
 }

@@ -227,7 +227,7 @@ impl School<'_, '_> {
         let mut model = trainer.model(BTreeMap::new());
         if self.options.system.is_none() {
             let cloth = (&pupil.cloth, pupil.template.as_slice());
-            model.sway = swings::swings((avatar, figure), cloth)?;
+            model.sway = swings::swings((avatar, figure), cloth, &model.bones)?;
         }
         let mut files = Vec::with_capacity(class.parts.len() + 2);
         let mut list = Vec::new();

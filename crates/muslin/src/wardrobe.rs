@@ -1,16 +1,24 @@
 //! The wardrobe: trained garments that come with the program.
 
+use std::slice;
+
 use glam::DVec3;
 use muslin_body::{Avatar, Figure, Pose, Sparse, names};
 use muslin_garment::Worn;
+use muslin_io::{read_weights, write_weights};
 use muslin_model::{Model, Player};
 use rayon::prelude::*;
 
-use crate::animate::decode_model;
+use crate::animate::{as_trained, decode_model};
+use crate::drape::{cloth, put_on};
+use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
+use crate::hero::standing;
 use crate::layers::{Predicted, stacked};
 use crate::outfit::{Outfit, Piece};
+use crate::simulate::SimulateOptions;
+use crate::swings;
 use crate::train::topology;
 use crate::traits;
 
@@ -46,6 +54,31 @@ pub(crate) fn model(garment: &str) -> Result<Model, Failure> {
             )));
     };
     decode_model(name, bytes)
+}
+
+/// The trained garments with their swings found anew, by name: the bytes of their files, where all that was taught
+/// stays as it is. `cargo xtask assets swings` keeps them.
+pub fn swung_anew() -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
+    let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
+    let one = |(name, bytes): &(&'static str, &[u8])| {
+        let mut weights = read_weights(name, bytes).map_err(|e| file_failure(&e))?;
+        let model = decode_model(name, bytes)?;
+        let asked = as_trained(slice::from_ref(&model), &SimulateOptions::default())?.dress;
+        let figure = standing(&avatar, None, &asked)?.figure;
+        let outfit = Outfit::make_for((&avatar, None), &asked, |_| {})?;
+        let (_, stood) = avatar.dressing(&figure);
+        let worn = put_on(&avatar, &outfit, &stood)?;
+        let cloth = cloth(&outfit, &worn);
+        let model = swings::swinging(model, (&avatar, &figure), &cloth)?;
+        let swings = |name: &String| name.starts_with("sway.");
+        weights.arrays.retain(|name, _| !swings(name));
+        let own = model.to_weights().arrays;
+        weights
+            .arrays
+            .extend(own.into_iter().filter(|a| swings(&a.0)));
+        Ok((*name, write_weights(&weights)))
+    };
+    TAUGHT.par_iter().map(one).collect()
 }
 
 /// Seconds between poses of which there is only one.
@@ -196,6 +229,16 @@ mod tests {
             assert!(taught(&made).is_some(), "{name}");
             let other = outfit(&avatar, name, 0.02);
             assert!(taught(&other).is_none(), "{name} of other triangles");
+        }
+    }
+
+    #[test]
+    fn every_model_knows_how_it_swings_and_what_skin_is_below() {
+        for (name, _) in TAUGHT {
+            let sway = model(name).expect("it is there").sway.expect(name);
+            let most = sway.walls.iter().map(|w| w.weights[0]).fold(0.0, f32::max);
+            assert!(sway.len() == 16 && sway.walls.len() > 200, "{name}");
+            assert!(most > 0.9, "{name}: {most}");
         }
     }
 

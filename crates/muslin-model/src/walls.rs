@@ -1,0 +1,224 @@
+//! Skin that swings do not take cloth through.
+
+use glam::Vec3A;
+use muslin_net::learn::{Mlp, Nonlinear};
+
+use crate::blocks::Blocks;
+use crate::decode::{Affine, One};
+use crate::layers::Dense;
+use crate::steps::{self, Two};
+use crate::swing::dense;
+use crate::{Encoder, Model, Skin, Sway};
+
+/// Rounds over the walls in a step.
+const ROUNDS: usize = 3;
+/// How near to the skin cloth may swing [m], and how far it may wherever it lies: held by every fold that touches,
+/// a shirt would not swing at all.
+const NEAR: f32 = 0.004;
+const LEAST: f32 = 0.001;
+/// Out of the skin from its point [m]: two points that bones carry, between which the way out lies in a pose.
+const TIP: f32 = 0.05;
+
+/// Walls of a model: `n·(x - f + Φ q)` stays beyond [`NEAR`], or no more than
+/// [`LEAST`] below where the pose alone leaves it.
+///
+/// Skin and the cloth above it turn alike, nearly: the way `n` out of the skin is, in the frame of the cloth, what it
+/// is at rest, and only the room before it is found in every pose.
+#[derive(Clone, Debug)]
+pub(crate) struct Walls {
+    /// The cloth's vertices as the pose alone lays them, and the skin's points, each with a tip out of it.
+    cloth: Blocks,
+    skin: Blocks,
+    /// Room for both [m], and for the codes.
+    verts: Vec<[f32; 3]>,
+    feet: Vec<[f32; 3]>,
+    codes: Vec<f32>,
+    twos: Vec<Two>,
+    /// `nᵀ Φ` of every wall, one entry per swing.
+    ways: Vec<f32>,
+    /// How far each may swing towards its skin [m].
+    rooms: Vec<f32>,
+    /// How far swings take each towards it [m], and room for that.
+    towards: Dense,
+    all: Vec<f32>,
+    /// `A⁻¹ a`, with `A` the system of a step, and `1 / aᵀ A⁻¹ a`.
+    pushes: Vec<f32>,
+    gains: Vec<f32>,
+}
+
+impl Walls {
+    pub fn new(model: &Model, sway: &Sway) -> Self {
+        let (k, n) = (sway.len(), sway.walls.len());
+        let mut ways = Vec::with_capacity(n * k);
+        for w in &sway.walls {
+            let rows = &sway.shapes[3 * w.vertex as usize * k..][..3 * k];
+            let [x, y, z] = w.out;
+            ways.extend((0..k).map(|c| x * rows[c] + y * rows[k + c] + z * rows[2 * k + c]));
+        }
+        let params: Vec<f32> = ways.iter().map(|a| -a).chain(vec![0.0; n]).collect();
+        let (cloth, skin) = (
+            Blocks::new(&above(model, sway)),
+            Blocks::new(&below(model, sway)),
+        );
+        Self {
+            codes: vec![0.0; cloth.n_codes],
+            twos: vec![[0; 2]; cloth.n_twos()],
+            verts: vec![[0.0; 3]; n],
+            feet: vec![[0.0; 3]; 2 * n],
+            cloth,
+            skin,
+            rooms: vec![0.0; n],
+            towards: dense(k, n, &params),
+            all: vec![0.0; n],
+            pushes: vec![0.0; ways.len()],
+            gains: vec![0.0; n],
+            ways,
+        }
+    }
+
+    /// Gets ready for steps of that inverse system.
+    pub fn ready(&mut self, inverse: &[f32]) {
+        let k = self.ways.len() / self.rooms.len().max(1);
+        if k == 0 {
+            return;
+        }
+        let pushes = self.pushes.chunks_exact_mut(k);
+        for ((push, way), gain) in (pushes.zip(self.ways.chunks_exact(k))).zip(&mut self.gains) {
+            for (p, row) in push.iter_mut().zip(inverse.chunks_exact(k)) {
+                *p = dot(row, way);
+            }
+            *gain = 1.0 / dot(push, way).max(f32::MIN_POSITIVE);
+        }
+    }
+
+    /// Finds the rooms of a pose, which mixes shapes by `z`.
+    #[inline(always)]
+    pub fn stand(&mut self, z: &[f32], bones: &[Affine]) {
+        if self.rooms.is_empty() {
+            return;
+        }
+        let worths = z.iter().zip(&self.cloth.by_code);
+        (self.codes.iter_mut().zip(worths)).for_each(|(to, (z, worth))| *to = z * worth);
+        let of = |blocks, codes, twos, out| One {
+            blocks,
+            codes,
+            bones,
+            twos,
+            out,
+            normals: None,
+        };
+        steps::fastest(of(
+            &self.cloth,
+            &self.codes,
+            &mut self.twos,
+            &mut self.verts,
+        ));
+        steps::fastest(of(&self.skin, &[], &mut [], &mut self.feet));
+        let feet = self.feet.as_chunks::<2>().0;
+        for (room, (x, feet)) in self.rooms.iter_mut().zip(self.verts.iter().zip(feet)) {
+            let [foot, tip] = feet.map(Vec3A::from_array);
+            let out = (tip - foot).normalize_or_zero();
+            *room = (out.dot(Vec3A::from_array(*x) - foot) - NEAR).max(LEAST);
+        }
+    }
+
+    /// Codes that leave all of them in front of the skin, as far as a few rounds get.
+    #[inline(always)]
+    pub fn hold(&mut self, q: &mut [f32]) {
+        if self.rooms.is_empty() {
+            return;
+        }
+        let k = q.len();
+        for _ in 0..ROUNDS {
+            self.towards.apply(q, &mut self.all);
+            let mut held = true;
+            for (w, (by, room)) in self.all.iter().zip(&self.rooms).enumerate() {
+                if by <= room {
+                    continue;
+                }
+                held = false;
+                let row = w * k..(w + 1) * k;
+                let behind = -room - dot(&self.ways[row.clone()], q);
+                if behind > 0.0 {
+                    let by = behind * self.gains[w];
+                    let push = &self.pushes[row];
+                    q.iter_mut().zip(push).for_each(|(q, p)| *q += by * p);
+                }
+            }
+            if held {
+                return;
+            }
+        }
+    }
+}
+
+/// The vertices that walls hold, as a cloth of their own without triangles.
+fn above(model: &Model, sway: &Sway) -> Model {
+    let row = 3 * model.n_codes();
+    let verts = || sway.walls.iter().map(|w| w.vertex as usize);
+    let laid = model.laid();
+    Model {
+        faces: Vec::new(),
+        template: verts().map(|v| laid[v]).collect(),
+        skin: skin(verts().map(|v| model.skin.row(v))),
+        modes: (verts()
+            .flat_map(|v| &model.modes[v * row..(v + 1) * row])
+            .copied())
+        .collect(),
+        sway: None,
+        resizer: None,
+        ..model.clone()
+    }
+}
+
+/// The skin's points and their tips, as a cloth that no pose corrects.
+fn below(model: &Model, sway: &Sway) -> Model {
+    let nothing = Mlp {
+        widths: vec![0],
+        bend: Nonlinear::Silu,
+        bias: false,
+    };
+    let tip = |w: &crate::Wall| std::array::from_fn(|i| w.foot[i] + TIP * w.out[i]);
+    let template: Vec<[f32; 3]> = (sway.walls.iter()).flat_map(|w| [w.foot, tip(w)]).collect();
+    let both = (sway.walls.iter()).flat_map(|w| {
+        let row = w.bones.map(usize::from).into_iter().zip(w.weights);
+        [row.clone(), row]
+    });
+    Model {
+        faces: Vec::new(),
+        skin: skin(both),
+        modes: vec![0.0; 3 * template.len()],
+        template,
+        encoder: Encoder::Plain(nothing),
+        sway: None,
+        resizer: None,
+        ..model.clone()
+    }
+}
+
+/// How points follow bones by these rows.
+fn skin<R: Iterator<Item = (usize, f32)>>(rows: impl Iterator<Item = R>) -> Skin {
+    let mut out = Skin {
+        starts: vec![0],
+        ..Skin::default()
+    };
+    for row in rows {
+        for (bone, weight) in row {
+            out.bones.push(bone as u8);
+            out.weights.push(weight);
+        }
+        out.starts.push(out.bones.len() as u32);
+    }
+    out
+}
+
+#[inline(always)]
+fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let mut sums = [0.0f32; 8];
+    let (a, b) = (a.as_chunks::<8>(), b.as_chunks::<8>());
+    for (r, c) in a.0.iter().zip(b.0) {
+        (0..8).for_each(|i| sums[i] += r[i] * c[i]);
+    }
+    let rest = a.1.iter().zip(b.1).map(|(r, c)| r * c);
+    sums.iter().sum::<f32>() + rest.sum::<f32>()
+}
