@@ -134,7 +134,12 @@ pub(crate) fn lay_outfit(
     let worn = worn?;
     let known = models.and_then(|m| Known::new((avatar, &sitter.figure), (outfit, &worn), m));
     let laid = known.and_then(|known| {
-        begin(&cloth(outfit, &worn).faces, |share| {
+        let rest: Vec<DVec3> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
+        let still = || {
+            let skin = &sitter.figure.verts[avatar.part(Part::Body)];
+            Surface::new(skin, avatar.collision_faces())
+        };
+        begin(&cloth(outfit, &worn).faces, (&rest, still), |share| {
             let pose = sitter.on_the_way(avatar, share);
             let posed = avatar.pose(&sitter.figure, &pose);
             let skin = &posed.verts[avatar.part(Part::Body)];

@@ -237,7 +237,8 @@ fn led_in(
     let pieces = pieces.map(|((k, player), piece)| (piece, player, taught_over(models, k)));
     let known = Known::told((set.avatar, &set.figure), pieces.collect());
     let pose = |share: f64| (share * lead as f64).round() as usize;
-    let laid = begin(&set.cloth.faces, |share| {
+    let still = || Surface::new(&set.rest(), set.avatar.collision_faces());
+    let laid = begin(&set.cloth.faces, (&set.start, still), |share| {
         let k = pose(share);
         let skin = Surface::new(&set.skin(k), set.avatar.collision_faces());
         Some((known.laid(&motion.poses[k])?, skin))
