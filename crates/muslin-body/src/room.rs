@@ -41,11 +41,11 @@ const OTHERS: f64 = 0.02;
 pub struct Limbs(Vec<Limb>);
 
 impl Limbs {
-    /// Legs, then arms. Shins and feet, forearms and hands are to keep `room` [m] from the rest of
+    /// Legs, then arms. Shins and feet, then forearms and hands are to keep these rooms [m] from the rest of
     /// the body, but for the other hand; upper arms may press into the chest by a centimetre.
     ///
     /// Fails on an avatar without the default rig's limbs.
-    pub fn new(avatar: &Avatar, room: f64) -> Result<Limbs, BodyError> {
+    pub fn new(avatar: &Avatar, [legs, forearms]: [f64; 2]) -> Result<Limbs, BodyError> {
         let arms = [avatar.bone("upperarm01.L")?, avatar.bone("upperarm01.R")?];
         let hands = [avatar.bone("wrist.L")?, avatar.bone("wrist.R")?];
         let of = |bones: &[usize]| -> Vec<f64> {
@@ -79,7 +79,7 @@ impl Limbs {
             // Seen from the side, where legs overlap most often, a leg that gives way sideways stays.
             let lower = Keep {
                 skin: above(&of(&[shin]), 0.5),
-                room,
+                room: legs,
                 others,
                 far: FAR,
                 out: Some(out),
@@ -93,7 +93,7 @@ impl Limbs {
             let forearm = of(&[avatar.bone(&format!("lowerarm01.{side}"))?]);
             let lower = Keep {
                 skin: above(&forearm, 0.5),
-                room,
+                room: forearms,
                 others,
                 far: FAR,
                 out: None,
@@ -257,7 +257,7 @@ mod tests {
         let avatar = Avatar::embedded().expect("the embedded body is sound");
         let figure = avatar.figure(&Shape::default()).expect("the default shape");
         let mut free = Pose::rest(&avatar);
-        let limbs = Limbs::new(&avatar, 0.01).expect("limbs");
+        let limbs = Limbs::new(&avatar, [0.01; 2]).expect("limbs");
         assert_eq!(limbs.make_room(&mut free, &avatar, &figure), 0.0);
         let mut pose = Pose::rest(&avatar);
         let upper = avatar.bone("upperarm01.L").expect("an arm");
@@ -275,7 +275,7 @@ mod tests {
     fn hands_deep_in_the_belly_and_in_the_other_forearm_come_out() {
         let avatar = Avatar::embedded().expect("the embedded body is sound");
         let figure = avatar.figure(&Shape::default()).expect("the default shape");
-        let limbs = Limbs::new(&avatar, 0.01).expect("limbs");
+        let limbs = Limbs::new(&avatar, [0.01; 2]).expect("limbs");
         let mut pose = Pose::rest(&avatar);
         // Arms hang, elbows bend forward and inward: forearms lie in the belly and in each other.
         for (side, out) in [("L", 1.0), ("R", -1.0)] {
@@ -302,7 +302,7 @@ mod tests {
         let shape = Shape::default().with("weight", 0.8).expect("a phenotype");
         let figure = avatar.figure(&shape).expect("a heavy person");
         let thigh = avatar.bone("upperleg01.L").expect("a leg");
-        let limbs = Limbs::new(&avatar, 0.01).expect("limbs");
+        let limbs = Limbs::new(&avatar, [0.01; 2]).expect("limbs");
         let leg = &limbs.0[0].keeps[0];
         let mut pose = Pose::rest(&avatar);
         pose.rotations[thigh] = DQuat::from_rotation_z(-0.35);
@@ -316,7 +316,7 @@ mod tests {
     #[test]
     fn broad_people_carry_their_arms_wider_and_others_as_they_were() {
         let avatar = Avatar::embedded().expect("the embedded body is sound");
-        let limbs = Limbs::new(&avatar, 0.01).expect("limbs");
+        let limbs = Limbs::new(&avatar, [0.01; 2]).expect("limbs");
         let [left, right] = ["L", "R"].map(|side| {
             let arm = avatar.bone(&format!("upperarm01.{side}"));
             arm.expect("an arm")

@@ -31,7 +31,7 @@ impl Sitter {
         let figure = avatar.figure(shape).map_err(|e| body_failure(&e))?;
         pose.relax_hands(avatar, &figure)
             .map_err(|e| body_failure(&e))?;
-        let limbs = Limbs::new(avatar, ROOM).map_err(|e| body_failure(&e))?;
+        let limbs = Limbs::new(avatar, [ROOM; 2]).map_err(|e| body_failure(&e))?;
         let turned = limbs.make_room(&mut pose, avatar, &figure);
         let unfolded = unfold(avatar, &figure, &mut pose).map_err(|e| body_failure(&e))?;
         let posed = avatar.pose(&figure, &pose);

@@ -6,6 +6,9 @@ use rayon::prelude::*;
 
 use crate::figure::ROOM;
 
+/// Room that hands and forearms leave while they move [m]: between two frames they go as far, and cloth that stands off
+/// a thigh they only graze is torn along.
+const SWUNG: f64 = 0.03;
 /// Looks a second.
 const LOOKS: f64 = 10.0;
 
@@ -18,7 +21,7 @@ type Turns = Vec<DVec3>;
 /// The body is looked at ten times a second. A turn is there from one look before it is needed to
 /// one look after, and grows and fades over a look more, so that no limb jumps.
 pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Result<f64, BodyError> {
-    let limbs = Limbs::new(avatar, ROOM)?;
+    let limbs = Limbs::new(avatar, [ROOM, SWUNG])?;
     let stride = (motion.fps / LOOKS).round().max(1.0) as usize;
     let last = motion.poses.len().saturating_sub(1);
     let looks: Vec<usize> = (0..=last.div_ceil(stride))
@@ -110,7 +113,7 @@ mod tests {
         assert_eq!(motion.poses[0], before.poses[0]);
         assert_eq!(motion.poses[40], before.poses[40]);
         let mut rest = motion.poses[20].clone();
-        let limbs = Limbs::new(&avatar, ROOM).expect("limbs");
+        let limbs = Limbs::new(&avatar, [ROOM, SWUNG]).expect("limbs");
         let left = limbs.make_room(&mut rest, &avatar, &figure);
         assert!(left < 0.3 * turned, "{left} of {turned}");
         let step = |m: &Motion| {
