@@ -107,7 +107,7 @@ impl<'p> Parting<'p> {
     fn foot(&mut self, v: u32) -> Option<Closest> {
         let v = v as usize;
         let look = || self.still.closest(self.rest[v], FAR);
-        self.feet[v].get_or_insert_with(look).clone()
+        *self.feet[v].get_or_insert_with(look)
     }
 
     /// Parts what crosses; returns how many pairs do then.
@@ -218,7 +218,7 @@ mod tests {
         let x = |s: usize, i: usize, j: usize| {
             let side = [-1.0, 1.0][s];
             let bump = match share {
-                0.8.. => (i + j) % 2 == 0,
+                0.8.. => (i + j).is_multiple_of(2),
                 0.6.. => i == 6 && (4..8).contains(&j),
                 _ => false,
             };
