@@ -26,6 +26,18 @@ impl Dense {
         }
     }
 
+    /// Of so many numbers: the rows of `W`, then `b`.
+    pub fn of(inputs: usize, outputs: usize, params: &[f32]) -> Self {
+        Self::new(
+            Linear {
+                inputs,
+                outputs,
+                bias: true,
+            },
+            params,
+        )
+    }
+
     pub fn outputs(&self) -> usize {
         self.bias.len()
     }

@@ -2,8 +2,6 @@
 
 use glam::{Mat3A, Vec3A};
 
-use muslin_net::learn::Linear;
-
 use crate::decode::Affine;
 use crate::layers::Dense;
 use crate::walls::Walls;
@@ -70,7 +68,7 @@ fn still(model: &Model, verts: impl Iterator<Item = usize> + Clone) -> Dense {
         .clone()
         .map(|r| model.template[r.0][r.1] + row(r)[codes]);
     let params: Vec<f32> = mixed.copied().chain(at).collect();
-    dense(codes, rows.count(), &params)
+    Dense::of(codes, rows.count(), &params)
 }
 
 /// A point that stands for the cloth around it.
@@ -96,8 +94,8 @@ impl Swing {
         let ways: Vec<f32> = means.chain(std::iter::repeat_n(0.0, 3 * n)).collect();
         Some(Self {
             still: still(model, sway.samples.iter().map(|v| *v as usize)),
-            ways: dense(k, 3 * n, &ways),
-            pulls: dense(3 * n, k, &turned),
+            ways: Dense::of(k, 3 * n, &ways),
+            pulls: Dense::of(3 * n, k, &turned),
             means: sway.means.clone(),
             damping: sway.damping.clone(),
             stiffness: sway.stiffness.clone(),
@@ -222,18 +220,6 @@ impl Swing {
             now[i] = [x, (x - free) / tau];
         }
     }
-}
-
-/// `W x + b` of so many numbers: the rows of `W`, then `b`.
-pub(crate) fn dense(inputs: usize, outputs: usize, params: &[f32]) -> Dense {
-    Dense::new(
-        Linear {
-            inputs,
-            outputs,
-            bias: true,
-        },
-        params,
-    )
 }
 
 /// The inverse of a symmetric positive definite matrix, by rows: Gauss and Jordan.

@@ -1,5 +1,7 @@
 //! Skin that swings do not take cloth through.
 
+use std::collections::BTreeMap;
+
 use glam::Vec3A;
 use muslin_net::learn::{Mlp, Nonlinear};
 
@@ -7,8 +9,7 @@ use crate::blocks::Blocks;
 use crate::decode::{Affine, One};
 use crate::layers::Dense;
 use crate::steps::{self, Two};
-use crate::swing::dense;
-use crate::{Encoder, Model, Skin, Sway};
+use crate::{Encoder, Model, Skin, Sway, Wall};
 
 /// Rounds over the walls in a step.
 const ROUNDS: usize = 3;
@@ -56,10 +57,7 @@ impl Walls {
             ways.extend((0..k).map(|c| x * rows[c] + y * rows[k + c] + z * rows[2 * k + c]));
         }
         let params: Vec<f32> = ways.iter().map(|a| -a).chain(vec![0.0; n]).collect();
-        let (cloth, skin) = (
-            Blocks::new(&above(model, sway)),
-            Blocks::new(&below(model, sway)),
-        );
+        let (cloth, skin) = (Blocks::new(&above(model, sway)), Blocks::new(&below(sway)));
         Self {
             codes: vec![0.0; cloth.n_codes],
             twos: vec![[0; 2]; cloth.n_twos()],
@@ -68,7 +66,7 @@ impl Walls {
             cloth,
             skin,
             rooms: vec![0.0; n],
-            towards: dense(k, n, &params),
+            towards: Dense::of(k, n, &params),
             all: vec![0.0; n],
             pushes: vec![0.0; ways.len()],
             gains: vec![0.0; n],
@@ -152,47 +150,52 @@ impl Walls {
     }
 }
 
-/// The vertices that walls hold, as a cloth of their own without triangles.
+/// The vertices that walls hold, as a cloth of their own.
 fn above(model: &Model, sway: &Sway) -> Model {
     let row = 3 * model.n_codes();
     let verts = || sway.walls.iter().map(|w| w.vertex as usize);
     let laid = model.laid();
-    Model {
-        faces: Vec::new(),
-        template: verts().map(|v| laid[v]).collect(),
-        skin: skin(verts().map(|v| model.skin.row(v))),
-        modes: (verts()
-            .flat_map(|v| &model.modes[v * row..(v + 1) * row])
-            .copied())
-        .collect(),
-        sway: None,
-        resizer: None,
-        ..model.clone()
-    }
+    let modes = verts().flat_map(|v| &model.modes[v * row..(v + 1) * row]);
+    points(
+        model.encoder.clone(),
+        (verts().map(|v| laid[v]).collect(), modes.copied().collect()),
+        skin(verts().map(|v| model.skin.row(v))),
+    )
 }
 
 /// The skin's points and their tips, as a cloth that no pose corrects.
-fn below(model: &Model, sway: &Sway) -> Model {
+fn below(sway: &Sway) -> Model {
     let nothing = Mlp {
         widths: vec![0],
         bend: Nonlinear::Silu,
         bias: false,
     };
-    let tip = |w: &crate::Wall| std::array::from_fn(|i| w.foot[i] + TIP * w.out[i]);
+    let tip = |w: &Wall| std::array::from_fn(|i| w.foot[i] + TIP * w.out[i]);
     let template: Vec<[f32; 3]> = (sway.walls.iter()).flat_map(|w| [w.foot, tip(w)]).collect();
     let both = (sway.walls.iter()).flat_map(|w| {
         let row = w.bones.map(usize::from).into_iter().zip(w.weights);
         [row.clone(), row]
     });
+    let modes = vec![0.0; 3 * template.len()];
+    points(Encoder::Plain(nothing), (template, modes), skin(both))
+}
+
+/// Points without triangles, of which nothing is known but where they go.
+fn points(encoder: Encoder, (template, modes): (Vec<[f32; 3]>, Vec<f32>), skin: Skin) -> Model {
     Model {
+        notes: BTreeMap::new(),
         faces: Vec::new(),
-        skin: skin(both),
-        modes: vec![0.0; 3 * template.len()],
-        template,
-        encoder: Encoder::Plain(nothing),
+        bones: Vec::new(),
+        drivers: Vec::new(),
+        traits: Vec::new(),
+        scale: Vec::new(),
+        params: Vec::new(),
         sway: None,
         resizer: None,
-        ..model.clone()
+        template,
+        skin,
+        encoder,
+        modes,
     }
 }
 
