@@ -7,6 +7,7 @@
 
 mod clean;
 mod place;
+mod sleeves;
 
 use crate::GarmentError;
 use crate::brought::{Fitted, OFF_SKIN, bind, bone_rows, spread};
@@ -17,8 +18,9 @@ use crate::sewing::percentile;
 use crate::stand::{BodyMap, Stand};
 use clean::Piece;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-use muslin_body::{Avatar, Figure, Posed, Shape};
+use muslin_body::{Avatar, Figure, Shape};
 use muslin_geom::{Mesh, RemeshOptions, Surface, remesh};
+use place::Found;
 
 /// What fitting a mesh came to.
 #[derive(Clone, Debug)]
@@ -34,6 +36,8 @@ const PANELS: [&str; 4] = ["front", "back", "left sleeve", "right sleeve"];
 /// Strain of the median face and the 99th percentile beyond which a mesh is let out to our body: it
 /// has no pattern whose size would have to be kept.
 const TIGHT: (f64, f64) = (0.02, 0.05);
+/// Arms that are turned down for a mesh by more than this [rad] lie beside the trunk.
+const HANGING: f64 = 0.3;
 /// Rounds of drawing a garment out of the skin.
 const ROUNDS: usize = 60;
 
@@ -61,7 +65,7 @@ impl Garment {
             };
             let placed = piece.moved(&found.world_from_file);
             let made = even(placed, edge, &mut warnings);
-            let (garment, grown) = made.fitted((avatar, &base), (&stand, &found.posed), name)?;
+            let (garment, grown) = made.fitted((avatar, &base), (&stand, &found), name)?;
             warnings.extend(grown);
             garments.push(garment);
         }
@@ -119,16 +123,27 @@ impl Even {
     fn fitted(
         self,
         (avatar, base): (&Avatar, &Figure),
-        (stand, posed): (&Stand, &Posed),
+        (stand, found): (&Stand, &Found),
         name: String,
     ) -> Result<(Garment, Option<String>), GarmentError> {
         let Mesh {
             verts: mut x,
             faces,
         } = self.0;
+        let posed = &found.posed;
         let skin = Surface::new(&posed.verts, avatar.collision_faces());
         let faces = outward(faces, &x, &skin);
-        let binding = bind(&skin, &x);
+        // Sleeves that hang lie against the trunk: which skin is theirs is not told by what is nearest.
+        let hang = (found.turned > HANGING).then(|| sleeves::parts(&faces, &x, stand.crotch.y));
+        let hang = hang.flatten();
+        let own = x.clone();
+        if let Some(parts) = &hang {
+            let arms = [0, 1].map(|s| &stand.limbs[s]);
+            let arms = arms.map(|l| [l.shoulder, l.elbow, l.wrist]);
+            sleeves::onto_arms(&mut x, parts, &arms);
+        }
+        let still = Surface::new(&base.verts, avatar.collision_faces());
+        let binding = bind(if hang.is_some() { &still } else { &skin }, &x);
         let arm = |row: &[(u32, f64)], s: usize| -> f64 {
             row.iter()
                 .map(|&(i, w)| stand.map.arm[s][i as usize] * w)
@@ -137,25 +152,26 @@ impl Even {
         let arms: Vec<[f64; 2]> = binding.rows().map(|r| [arm(r, 0), arm(r, 1)]).collect();
         let laid = lay(&faces, &x, &arms);
         let uv = flatten(&x, &faces, &laid);
-        let rest = own_shapes(&faces, &x, &uv);
+        let rest = own_shapes(&faces, &own, &uv);
         let cloth = Elastic::new(faces, rest, x.len());
-        draw(&cloth, &mut x, &skin);
-        let weights = spread(&cloth, bone_rows(avatar, &bind(&skin, &x)));
-        for (x, row) in x.iter_mut().zip(weights.rows()) {
-            let sum = row
-                .iter()
-                .fold((DMat3::ZERO, DVec3::ZERO), |(m, t), &(b, w)| {
-                    let bone = &posed.bones[b as usize];
-                    (m + bone.matrix3 * w, t + bone.translation * w)
-                });
-            let moved = DAffine3 {
-                matrix3: sum.0,
-                translation: sum.1,
-            };
-            *x = moved.inverse().transform_point3(*x);
+        if hang.is_none() {
+            draw(&cloth, &mut x, &skin);
+            let weights = spread(&cloth, bone_rows(avatar, &bind(&skin, &x)));
+            for (x, row) in x.iter_mut().zip(weights.rows()) {
+                let sum = row
+                    .iter()
+                    .fold((DMat3::ZERO, DVec3::ZERO), |(m, t), &(b, w)| {
+                        let bone = &posed.bones[b as usize];
+                        (m + bone.matrix3 * w, t + bone.translation * w)
+                    });
+                let moved = DAffine3 {
+                    matrix3: sum.0,
+                    translation: sum.1,
+                };
+                *x = moved.inverse().transform_point3(*x);
+            }
         }
-        let skin = Surface::new(&base.verts, avatar.collision_faces());
-        draw(&cloth, &mut x, &skin);
+        draw(&cloth, &mut x, &still);
         let [half, worst] = [0.5, 0.99].map(|share| percentile(cloth.strains(&x), share));
         let strain = half.max(worst);
         let grown = (half > TIGHT.0 || worst > TIGHT.1).then(|| {

@@ -281,7 +281,7 @@ fn part_fans(mesh: &mut Mesh) {
 }
 
 /// Loops of open edges; where two meet in a vertex, either may go on.
-fn rims(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
+pub fn rims(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let all = sides(faces);
     let open = all.chunk_by(|a, b| a.0 == b.0 && a.1 == b.1);
     let open = open.filter(|c| c.len() == 1).map(|c| match c[0].3 {

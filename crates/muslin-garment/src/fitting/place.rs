@@ -17,6 +17,8 @@ pub struct Found {
     pub world_from_file: DAffine3,
     /// The body that the mesh was fitted on.
     pub posed: Posed,
+    /// How far its arms are turned down for that [rad].
+    pub turned: f64,
     /// What was decided.
     pub told: String,
 }
@@ -93,6 +95,7 @@ pub fn find(
             let found = Found {
                 world_from_file,
                 posed,
+                turned,
                 told,
             };
             best = Some((cost, found));
