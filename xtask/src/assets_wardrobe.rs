@@ -57,18 +57,18 @@ const FOLDER: &str = "assets/wardrobe";
 
 /// Cuts the garments, for whom nobody should wait later.
 pub fn cut() -> Outcome {
-    example("cut_garments")
+    keep("cuts")
 }
 
 /// Finds anew how the trained garments swing, which nobody teaches.
 pub fn swing() -> Outcome {
-    example("swing_garments")
+    keep("swings")
 }
 
-fn example(name: &str) -> Outcome {
+fn keep(what: &str) -> Outcome {
     let mut run = Command::new("cargo");
     run.args(["run", "--release", "--package", "muslin", "--example"]);
-    done(run.args([name, "--", FOLDER]))
+    done(run.args(["keep_wardrobe", "--", what, FOLDER]))
 }
 
 fn done(command: &mut Command) -> Outcome {

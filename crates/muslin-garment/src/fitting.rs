@@ -18,7 +18,7 @@ use crate::sewing::percentile;
 use crate::stand::{BodyMap, Stand};
 use clean::Piece;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-use muslin_body::{Avatar, Figure, Shape};
+use muslin_body::{Avatar, Figure, Posed, Shape, Sparse};
 use muslin_geom::{Mesh, RemeshOptions, Surface, remesh};
 use place::Found;
 
@@ -134,8 +134,10 @@ impl Even {
         let skin = Surface::new(&posed.verts, avatar.collision_faces());
         let faces = outward(faces, &x, &skin);
         // Sleeves that hang lie against the trunk: which skin is theirs is not told by what is nearest.
-        let hang = (found.turned > HANGING).then(|| sleeves::parts(&faces, &x, stand.crotch.y));
-        let hang = hang.flatten();
+        let hang = match found.turned > HANGING {
+            true => sleeves::parts(&faces, &x, stand.crotch.y),
+            false => None,
+        };
         let own = x.clone();
         if let Some(parts) = &hang {
             let arms = [0, 1].map(|s| &stand.limbs[s]);
@@ -157,19 +159,7 @@ impl Even {
         if hang.is_none() {
             draw(&cloth, &mut x, &skin);
             let weights = spread(&cloth, bone_rows(avatar, &bind(&skin, &x)));
-            for (x, row) in x.iter_mut().zip(weights.rows()) {
-                let sum = row
-                    .iter()
-                    .fold((DMat3::ZERO, DVec3::ZERO), |(m, t), &(b, w)| {
-                        let bone = &posed.bones[b as usize];
-                        (m + bone.matrix3 * w, t + bone.translation * w)
-                    });
-                let moved = DAffine3 {
-                    matrix3: sum.0,
-                    translation: sum.1,
-                };
-                *x = moved.inverse().transform_point3(*x);
-            }
+            bring_back(&mut x, &weights, posed);
         }
         draw(&cloth, &mut x, &still);
         let [half, worst] = [0.5, 0.99].map(|share| percentile(cloth.strains(&x), share));
@@ -196,6 +186,23 @@ impl Even {
             verts: x,
         };
         Ok((Garment::bring(avatar, fitted)?, grown))
+    }
+}
+
+/// Brings cloth that follows bones by `weights` from a pose back to the body at rest.
+fn bring_back(x: &mut [DVec3], weights: &Sparse, posed: &Posed) {
+    for (x, row) in x.iter_mut().zip(weights.rows()) {
+        let sum = row
+            .iter()
+            .fold((DMat3::ZERO, DVec3::ZERO), |(m, t), &(b, w)| {
+                let bone = &posed.bones[b as usize];
+                (m + bone.matrix3 * w, t + bone.translation * w)
+            });
+        let moved = DAffine3 {
+            matrix3: sum.0,
+            translation: sum.1,
+        };
+        *x = moved.inverse().transform_point3(*x);
     }
 }
 

@@ -5,8 +5,7 @@ use muslin_net::learn::{Mlp, Nonlinear};
 use muslin_net::{Array, Numbers, Weights};
 
 use crate::packed::{Packed, bytes_of, stepped, unpacked, unstepped};
-use crate::sway::FOLLOWED;
-use crate::{Encoder, Model, ModelError, Ncs, Resizer, Skin, Snug, Sway, Trait, Wall};
+use crate::{Encoder, FOLLOWED, Model, ModelError, Ncs, Resizer, Skin, Snug, Sway, Trait, Wall};
 
 /// What the notes say of the kind of file: with a network of our own, with one that a note names, with a
 /// network of our own that is told traits, with one of our own whose shapes are 12-bit steps, and with one that a

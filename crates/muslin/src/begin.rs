@@ -113,8 +113,11 @@ impl<'p> Parting<'p> {
     /// Parts what crosses; returns how many pairs do then.
     fn part(mut self, mesh: &mut Mesh, mut crossings: Vec<[u32; 2]>) -> usize {
         for _ in 0..ROUNDS {
+            if crossings.len() <= FEW {
+                break;
+            }
             let shares = self.shares(mesh, &crossings);
-            if shares.is_empty() || crossings.len() <= FEW {
+            if shares.is_empty() {
                 break;
             }
             let before = mesh.verts.clone();

@@ -7,7 +7,7 @@ use muslin_garment::{Garment, GarmentError, Worn};
 use muslin_io::{garmentcode, read_file, read_obj};
 use muslin_sim::{Options, Settled, SimError, drape};
 
-use crate::drape::{cloth, put_on};
+use crate::drape::{cloth, places, put_on};
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::figure::{body_failure, body_frame};
@@ -102,7 +102,7 @@ fn led(
     let cores = Cores::new(avatar, figure);
     let body = body_frame(avatar, &avatar.pose(figure, pose), &cores);
     let cloth = cloth(outfit, worn);
-    let start: Vec<_> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
+    let start = places(worn);
     let options = Options {
         last_steps: STEPS,
         ..Options::default()

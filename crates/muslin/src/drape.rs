@@ -12,6 +12,8 @@ use muslin_sim::{
 use crate::begin::begin;
 use crate::failure::{Exit, Failure};
 use crate::figure::Sitter;
+use crate::hero::standing;
+use crate::options::DressOptions;
 use crate::outfit::Outfit;
 use crate::wardrobe::{Known, taught};
 use crate::watch::Watch;
@@ -116,7 +118,7 @@ fn from_rest(
     (outfit, worn): (&Outfit, &[Worn]),
     watch: &Watch<'_>,
 ) -> Result<Dressed, Failure> {
-    let start: Vec<DVec3> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
+    let start = places(worn);
     let path = sitter.path(avatar, (0.0, TURN));
     let body = (path.as_slice(), avatar.collision_faces());
     settle((outfit, worn), &start, body, (Options::default(), watch))
@@ -134,7 +136,7 @@ pub(crate) fn lay_outfit(
     let worn = worn?;
     let known = models.and_then(|m| Known::new((avatar, &sitter.figure), (outfit, &worn), m));
     let laid = known.and_then(|known| {
-        let rest: Vec<DVec3> = worn.iter().flat_map(|w| w.verts.iter().copied()).collect();
+        let rest = places(&worn);
         let still = || {
             let skin = &sitter.figure.verts[avatar.part(Part::Body)];
             Surface::new(skin, avatar.collision_faces())
@@ -203,6 +205,23 @@ pub(crate) fn put_on(
     let (own, wide) = rayon::join(|| on(figure), || on(&cut.stood));
     let worn = outfit.pieces.iter().zip(own?.into_iter().zip(wide?));
     Ok(worn.map(|(p, w)| cut.taken_over(p, w)).collect())
+}
+
+/// Somebody of our own body as the options have them, and their outfit on them.
+pub(crate) fn standing_in(
+    avatar: &Avatar,
+    options: &DressOptions,
+) -> Result<(Figure, Outfit, Vec<Worn>), Failure> {
+    let figure = standing(avatar, None, options)?.figure;
+    let outfit = Outfit::make_for((avatar, None), options, |_| {})?;
+    let (_, stood) = avatar.dressing(&figure);
+    let worn = put_on(avatar, &outfit, &stood)?;
+    Ok((figure, outfit, worn))
+}
+
+/// Where all garments are [m], one after the other.
+pub(crate) fn places(worn: &[Worn]) -> Vec<DVec3> {
+    worn.iter().flat_map(|w| w.verts.iter().copied()).collect()
 }
 
 /// The outfit as the solver's arrays.

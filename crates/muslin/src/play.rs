@@ -5,13 +5,13 @@ use muslin_body::{Avatar, Figure, Pose};
 use muslin_model::Player;
 
 use crate::animate::{as_trained, decode_model, fits, model_failure, note_of, others};
-use crate::drape::{cloth, put_on};
+use crate::drape::{cloth, standing_in};
 use crate::fabric;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
-use crate::hero::{OURS, standing};
+use crate::hero::OURS;
 use crate::options::DressOptions;
-use crate::outfit::{Outfit, WARDROBE};
+use crate::outfit::WARDROBE;
 use crate::simulate::SimulateOptions;
 use crate::swings;
 use crate::wardrobe;
@@ -62,10 +62,7 @@ impl Playing {
         let dress = as_trained(std::slice::from_ref(&model), &asked)?.dress;
         dress.check()?;
         let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
-        let figure = standing(&avatar, None, &dress)?.figure;
-        let outfit = Outfit::make_for((&avatar, None), &dress, |_| {})?;
-        let (_, stood) = avatar.dressing(&figure);
-        let worn = put_on(&avatar, &outfit, &stood)?;
+        let (figure, outfit, worn) = standing_in(&avatar, &dress)?;
         let cloth = cloth(&outfit, &worn);
         fits(&model, &outfit.pieces[0].garment)?;
         let stranger = others((0, &model), &dress, OURS)?.contains(&true);

@@ -9,12 +9,11 @@ use muslin_io::{read_weights, write_weights};
 use muslin_model::{Model, Player};
 use rayon::prelude::*;
 
-use crate::animate::{as_trained, decode_model};
-use crate::drape::{cloth, put_on};
+use crate::animate::{as_trained, decode_model, model_failure};
+use crate::drape::{cloth, standing_in};
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
-use crate::hero::standing;
 use crate::layers::{Predicted, stacked};
 use crate::outfit::{Outfit, Piece};
 use crate::simulate::SimulateOptions;
@@ -62,12 +61,9 @@ pub fn swung_anew() -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
     let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
     let one = |(name, bytes): &(&'static str, &[u8])| {
         let mut weights = read_weights(name, bytes).map_err(|e| file_failure(&e))?;
-        let model = decode_model(name, bytes)?;
+        let model = Model::from_weights(&weights).map_err(|e| model_failure(&e))?;
         let asked = as_trained(slice::from_ref(&model), &SimulateOptions::default())?.dress;
-        let figure = standing(&avatar, None, &asked)?.figure;
-        let outfit = Outfit::make_for((&avatar, None), &asked, |_| {})?;
-        let (_, stood) = avatar.dressing(&figure);
-        let worn = put_on(&avatar, &outfit, &stood)?;
+        let (figure, outfit, worn) = standing_in(&avatar, &asked)?;
         let cloth = cloth(&outfit, &worn);
         let model = swings::swinging(model, (&avatar, &figure), &cloth)?;
         let swings = |name: &String| name.starts_with("sway.");

@@ -53,23 +53,21 @@ pub fn onto_arms(x: &mut [DVec3], parts: &Parts, arms: &[[DVec3; 3]; 2]) {
         let at = |k: usize| middles[k].expect("it was seen");
         // One direction for all of it: a cuff's ring may be cut aslant.
         let own = (at(*last) - at(*first)).normalize_or_zero();
+        // Where the straight line through the sleeve comes from the armpit.
+        let start = at(*first) - own * (*first as f64 + 0.5) * RING;
         let [shoulder, elbow, wrist] = *arm;
-        let [upper, lower] = [elbow - shoulder, wrist - elbow];
+        let long = shoulder.distance(elbow);
+        let [upper, lower] = [elbow - shoulder, wrist - elbow].map(DVec3::normalize);
         for (p, part) in x.iter_mut().zip(parts) {
             let Some((s, d)) = part else { continue };
             if *s != side {
                 continue;
             }
             let along = PIT + d;
-            let (to, way) = match along < upper.length() {
-                true => (shoulder + upper.normalize() * along, upper.normalize()),
-                false => {
-                    let way = lower.normalize();
-                    (elbow + way * (along - upper.length()), way)
-                }
+            let (to, way) = match along < long {
+                true => (shoulder + upper * along, upper),
+                false => (elbow + lower * (along - long), lower),
             };
-            // The middle at that distance, on the straight line through the sleeve.
-            let start = at(*first) - own * (*first as f64 + 0.5) * RING;
             let middle = start + own * *d;
             let turned = DQuat::from_rotation_arc(own, way) * (*p - middle);
             let share = (0.5 + 0.5 * d / OVER).min(1.0);

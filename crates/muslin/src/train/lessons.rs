@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::{TrainOptions, variety};
 use crate::brought::dressed;
-use crate::drape::cloth;
+use crate::drape::{cloth, places};
 use crate::dress::asked_shape;
 use crate::failure::Failure;
 use crate::figure::body_failure;
@@ -122,7 +122,7 @@ impl Class {
             }
             worn.pieces[0].fabric = fabric;
             let lies = dressed(avatar, &worn, (&figure, &avatar.dressing(&figure)))?;
-            let start: Vec<_> = lies.iter().flat_map(|w| w.verts.iter().copied()).collect();
+            let start = places(&lies);
             Ok(Pupil {
                 cloth: cloth(&worn, &lies),
                 template: avatar.at_rest(&figure, (&weights, &start)),
