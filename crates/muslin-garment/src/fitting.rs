@@ -6,12 +6,14 @@
 //! holds its arms alike, and comes with them.
 
 mod clean;
+mod hems;
 mod place;
 mod sleeves;
 
 use crate::GarmentError;
 use crate::brought::{Fitted, OFF_SKIN, bind, bone_rows, spread};
 use crate::garment::Garment;
+use crate::growing::Growing;
 use crate::pattern::{Laid, flatten, lay_flat, turn};
 use crate::relax::{Elastic, FOLDS, Memory, Outside, Round};
 use crate::sewing::percentile;
@@ -63,7 +65,13 @@ impl Garment {
                 1 => name.to_owned(),
                 _ => format!("{name}-{}", k + 1),
             };
-            let placed = piece.moved(&found.world_from_file);
+            let (placed, turned_in) =
+                hems::turned_out(piece.moved(&found.world_from_file), &piece.rims);
+            if turned_in > 0 {
+                warnings.push(format!(
+                    "{turned_in} triangles that {name} has turned in at its openings are left out"
+                ));
+            }
             let made = even(placed, edge, &mut warnings);
             let (garment, grown) = made.fitted((avatar, &base), (&stand, &found), name)?;
             warnings.extend(grown);
@@ -157,11 +165,12 @@ impl Even {
         let rest = own_shapes(&faces, &own, &uv);
         let cloth = Elastic::new(faces, rest, x.len());
         if hang.is_none() {
-            draw(&cloth, &mut x, &skin);
+            let growing = Growing::new(avatar, stand).posed(avatar, posed)?;
+            draw(&cloth, &mut x, growing);
             let weights = spread(&cloth, bone_rows(avatar, &bind(&skin, &x)));
             bring_back(&mut x, &weights, posed);
         }
-        draw(&cloth, &mut x, &still);
+        draw(&cloth, &mut x, Growing::new(avatar, stand));
         let [half, worst] = [0.5, 0.99].map(|share| percentile(cloth.strains(&x), share));
         let strain = half.max(worst);
         let grown = (half > TIGHT.0 || worst > TIGHT.1).then(|| {
@@ -206,15 +215,18 @@ fn bring_back(x: &mut [DVec3], weights: &Sparse, posed: &Posed) {
     }
 }
 
-/// Draws cloth out of the skin, keeping its shape.
-fn draw(cloth: &Elastic, x: &mut [DVec3], skin: &Surface) {
-    let outside = [Outside {
-        surface: skin,
-        gap: OFF_SKIN + 0.001,
-        rim: None,
-    }];
+/// Draws cloth out of the skin, keeping its shape, while hands and feet grow: a mesh was made for others than ours.
+fn draw(cloth: &Elastic, x: &mut [DVec3], mut body: Growing) {
     let mut memory = Memory::default();
     for round in 0..ROUNDS {
+        if round % 4 == 0 {
+            body.grow((1.3 * round as f64 / ROUNDS as f64).min(1.0));
+        }
+        let outside = [Outside {
+            surface: &body.skin,
+            gap: OFF_SKIN + 0.001,
+            rim: None,
+        }];
         let how = Round {
             stitch: 0.0,
             smooth: if round < ROUNDS / 2 { 0.3 } else { 0.05 },

@@ -6,6 +6,7 @@ mod fabric;
 mod fitting;
 mod form;
 mod garment;
+mod growing;
 mod outfit;
 mod panels;
 mod pattern;

@@ -1,15 +1,14 @@
 //! Sewing: panels cut into triangles, stood around the body, drawn together and merged.
 
 mod arrange;
-mod growing;
 
 use crate::brought::Fitted;
+use crate::growing::Growing;
 use crate::panels::{Panel, SewingPattern};
 use crate::relax::{Elastic, FOLDS, Memory, Outside, Round};
 use crate::stand::{BodyMap, Stand};
 use crate::{Garment, GarmentError};
 use glam::{DAffine3, DVec2, DVec3};
-use growing::Growing;
 use muslin_body::{Avatar, Shape};
 use muslin_geom::{FillError, Surface, fill};
 

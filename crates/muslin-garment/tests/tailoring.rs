@@ -204,6 +204,93 @@ fn a_shirt_in_millimetres_lying_on_its_back_is_stood_up_where_it_came_from() {
 }
 
 #[test]
+fn what_is_turned_in_at_hem_and_waistband_is_left_out_and_it_is_said() {
+    let plain = skirt();
+    let (n, rows) = (60u32, 26u32);
+    let mut mesh = plain.clone();
+    let axis = DVec3::new(40.0, 0.0, 3.0);
+    // At the hem three rows go on up inside of it, at the waist two down.
+    let inside = |ring: u32, wide: f64, up: f64| {
+        let own = plain.verts[(ring * n) as usize..][..n as usize].to_vec();
+        own.into_iter().map(move |v| {
+            let out = (v - axis).with_y(0.0);
+            DVec3::new(0.0, v.y + up, 0.0) + axis + out * wide
+        })
+    };
+    let rings = [(0, 0.97, 1.0), (0, 0.96, 2.0), (0, 0.95, 3.0)];
+    let band = [(rows - 1, 0.98, -1.0), (rows - 1, 0.97, -2.0)];
+    for (edge, rings) in [(0, &rings[..]), (rows - 1, &band[..])] {
+        let mut last: Vec<u32> = (edge * n..(edge + 1) * n).collect();
+        for &(ring, wide, up) in rings {
+            let first = mesh.verts.len() as u32;
+            mesh.verts.extend(inside(ring, wide, up));
+            let next: Vec<u32> = (first..first + n).collect();
+            for k in 0..n as usize {
+                let j = (k + 1) % n as usize;
+                let (a, b, c, d) = (last[k], last[j], next[j], next[k]);
+                mesh.faces.extend([[a, b, c], [a, c, d]]);
+            }
+            last = next;
+        }
+    }
+    let made = tailored(&mesh).expect("a skirt");
+    let told = made.warnings.iter().any(|w| w.contains("600 triangles"));
+    assert!(told, "{:?}", made.warnings);
+    assert_eq!(made.garments[0].faces.len(), plain.faces.len());
+    let plain = tailored(&plain).expect("a skirt");
+    assert_eq!(plain.warnings.len(), 1, "{:?}", plain.warnings);
+}
+
+/// A tee around the default body [m], with sleeves so long (1 to the elbow, 2 to the wrist).
+fn tee(sleeve: f64) -> Mesh {
+    let avatar = avatar();
+    let recipe = Recipe::Tee(Tee {
+        edge: 0.02,
+        sleeve,
+        ..Tee::default()
+    });
+    let tee = Garment::make(&avatar, &recipe).expect("in range");
+    let worn = tee.worn(&avatar, &figure(&avatar), &[]).expect("worn");
+    Mesh {
+        verts: worn.verts,
+        faces: tee.faces,
+    }
+}
+
+/// How far each vertex of the first garment made is from a mesh, on average [m].
+fn mean_distance(made: &Tailored, from: &Mesh) -> f64 {
+    let avatar = avatar();
+    let g = &made.garments[0];
+    let worn = g.worn(&avatar, &figure(&avatar), &[]).expect("worn");
+    let there = Surface::new(&from.verts, &from.faces);
+    let off = |v: &DVec3| there.closest(*v, 0.2).map_or(0.2, |h| h.signed.abs());
+    worn.verts.iter().map(off).sum::<f64>() / worn.verts.len() as f64
+}
+
+#[test]
+fn a_shirt_that_is_open_in_front_finds_its_neck() {
+    let mut open = tee(1.0);
+    let verts = open.verts.clone();
+    open.faces.retain(|f| {
+        let middle = f.iter().map(|v| verts[*v as usize]).sum::<DVec3>() / 3.0;
+        middle.x.abs() > 0.015 || middle.z < 0.05
+    });
+    let away = |v: &DVec3| (*v - DVec3::new(0.0, 0.12, 0.03)) * 10.0;
+    let mesh = Mesh {
+        verts: open.verts.iter().map(away).collect(),
+        faces: open.faces.clone(),
+    };
+    let made = tailored(&mesh).expect("a shirt");
+    assert!(
+        made.warnings[0].contains("decimetres"),
+        "{:?}",
+        made.warnings
+    );
+    let mean = mean_distance(&made, &open);
+    assert!(mean < 0.012, "{mean}");
+}
+
+#[test]
 fn what_is_no_garment_is_refused_in_words() {
     let closed = {
         let mut mesh = skirt();

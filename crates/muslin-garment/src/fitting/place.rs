@@ -328,16 +328,36 @@ fn bounds(pieces: &[Piece], turn: &DMat3) -> (DVec3, DVec3) {
     })
 }
 
-/// The middles of all openings.
+/// An opening that takes up more than this share of its piece's height is an open front: neck and hem in one.
+const FRONT: f64 = 0.6;
+/// Share of such an opening's height that is its neck, and its hem.
+const END: f64 = 0.15;
+
+/// The middles of all openings; of an open front, of its neck and its hem.
 fn rim_middles(pieces: &[Piece], turn: &DMat3) -> impl Iterator<Item = DVec3> {
-    let middle = |p: &Piece, rim: &[u32]| {
-        let sum: DVec3 = rim.iter().map(|&i| p.mesh.verts[i as usize]).sum();
-        *turn * (sum / rim.len() as f64)
+    let middle = |all: &[DVec3]| all.iter().sum::<DVec3>() / all.len() as f64;
+    let span = |all: &[DVec3]| {
+        let ends = all.iter().map(|p| p.y);
+        ends.fold((f64::MAX, f64::MIN), |(l, h), y| (l.min(y), h.max(y)))
     };
-    let rims = pieces
-        .iter()
-        .flat_map(|p| p.rims.iter().map(move |r| (p, r)));
-    rims.map(move |(p, rim)| middle(p, rim))
+    let of_piece = move |p: &Piece| {
+        let verts: Vec<DVec3> = p.mesh.verts.iter().map(|v| *turn * *v).collect();
+        let (low, high) = span(&verts);
+        let of_rim = |rim: &Vec<u32>| {
+            let rim: Vec<DVec3> = rim.iter().map(|v| verts[*v as usize]).collect();
+            let (hem, neck) = span(&rim);
+            let end = END * (neck - hem);
+            match neck - hem > FRONT * (high - low) {
+                false => vec![middle(&rim)],
+                true => [neck - end..=neck, hem..=hem + end]
+                    .map(|at| rim.iter().filter(|p| at.contains(&p.y)).copied().collect())
+                    .map(|part: Vec<DVec3>| middle(&part))
+                    .to_vec(),
+            }
+        };
+        p.rims.iter().flat_map(of_rim).collect::<Vec<_>>()
+    };
+    pieces.iter().flat_map(of_piece)
 }
 
 /// Whether an opening with its middle here, in a mesh of these bounds, is for an arm.
