@@ -27,6 +27,7 @@ mod stored;
 mod stream;
 mod sway;
 mod swing;
+mod ties;
 mod walls;
 
 pub use describe::Reader;

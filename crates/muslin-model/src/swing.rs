@@ -4,6 +4,7 @@ use glam::{Mat3A, Vec3A};
 
 use crate::decode::Affine;
 use crate::layers::Dense;
+use crate::ties::{Held, Ties};
 use crate::walls::Walls;
 use crate::{Model, Sway};
 
@@ -23,6 +24,7 @@ pub(crate) struct Swing {
     damping: Vec<f32>,
     stiffness: Vec<f32>,
     walls: Walls,
+    ties: Ties,
     /// Seconds from frame to frame, and the inverse of the system for that, by rows.
     step: f32,
     inverse: Vec<f32>,
@@ -100,6 +102,7 @@ impl Swing {
             damping: sway.damping.clone(),
             stiffness: sway.stiffness.clone(),
             walls: Walls::new(model, sway),
+            ties: Ties::new(model, sway),
             step: 0.0,
             inverse: vec![0.0; k * k],
             seen: 0,
@@ -210,6 +213,16 @@ impl Swing {
             *q = row.iter().zip(&self.right).map(|(a, b)| a * b).sum();
         }
         self.walls.hold(q1);
+        let held = Held {
+            here: &self.here,
+            means: &self.means,
+            ways: &self.ways,
+            inverse: &self.inverse,
+            each: &mut self.each,
+        };
+        if self.ties.hold(held, q1) {
+            self.walls.hold(q1);
+        }
         self.ways.apply(q1, &mut self.each);
         let [now, before] = &mut self.past;
         for (i, way) in self.each.as_chunks::<3>().0.iter().enumerate() {

@@ -215,8 +215,9 @@ fn skin<R: Iterator<Item = (usize, f32)>>(rows: impl Iterator<Item = R>) -> Skin
     out
 }
 
+/// Of two rows of one length.
 #[inline(always)]
-fn dot(a: &[f32], b: &[f32]) -> f32 {
+pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0f32; 8];
     let (a, b) = (a.as_chunks::<8>(), b.as_chunks::<8>());
     for (r, c) in a.0.iter().zip(b.0) {

@@ -366,6 +366,49 @@ fn cloth_swings_no_farther_into_the_skin_than_the_pose_leaves_room_and_the_file_
 }
 
 #[test]
+fn points_that_cloth_joins_swing_no_farther_apart_than_it_is_long_and_others_do() {
+    let body = Body::new();
+    let mut loose = model();
+    let sway = loose.sway.as_mut().expect("it swings");
+    let points: Vec<usize> = sway.samples.iter().map(|v| *v as usize).collect();
+    // What stands for the cloth around a point moves as the point does.
+    let row = |v: &usize| sway.shapes[3 * v * SWINGS..][..3 * SWINGS].to_vec();
+    sway.means = points.iter().flat_map(row).collect();
+    for (v, at) in points
+        .iter()
+        .zip([[0.0, 0.0, 0.0], [0.04, 0.0, 0.0], [0.0, 0.05, 0.0]])
+    {
+        loose.template[*v] = at;
+    }
+    let tied = Model {
+        faces: vec![[3, 11, 20]],
+        ..loose.clone()
+    };
+    let poses = body.poses("run");
+    let all = |model: &Model| body.play(model, &poses, 1.0);
+    let (rest, without, with) = (all(&still(&tied)), all(&loose), all(&tied));
+    let wide = |v: usize| DVec3::from_array(tied.template[v].map(f64::from));
+    let mut parted = 0;
+    for (a, b) in [(3, 11), (11, 20), (20, 3)] {
+        let long = 1.05 * wide(a).distance(wide(b));
+        for f in 0..poses.len() {
+            let apart = |x: &[Vec<DVec3>]| x[f][a].distance(x[f][b]);
+            let most = apart(&rest).max(long);
+            assert!(
+                apart(&with) < 1.02 * most,
+                "{f}: {} of {most}",
+                apart(&with)
+            );
+            parted += usize::from(apart(&without) > 1.2 * most);
+        }
+    }
+    assert!(parted > 5, "{parted}");
+    let moved = |(x, y): (&Vec<DVec3>, &Vec<DVec3>)| x[3].distance(y[3]);
+    let most = with.iter().zip(&rest).map(moved).fold(0.0, f64::max);
+    assert!(most > 5e-3, "{most}");
+}
+
+#[test]
 fn a_file_whose_walls_know_the_skin_at_rest_alone_has_its_swings_found_anew() {
     let mut old = model().to_weights();
     let room = Array::new(&[1, 4], Numbers::F32(vec![0.0, 0.0, 1.0, 1e-3]));

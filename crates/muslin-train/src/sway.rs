@@ -21,7 +21,7 @@ const BESIDE: usize = 6;
 /// Rounds of leading downhill.
 const ROUNDS: usize = 6;
 /// Points that stand for the whole.
-const SAMPLES: usize = 96;
+const SAMPLES: usize = 192;
 /// Share of critical damping: what rubs in yarns and stirs the air.
 const DAMPING: f64 = 0.2;
 /// Nothing swings slower than this [rad/s].
