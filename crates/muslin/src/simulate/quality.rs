@@ -29,6 +29,20 @@ pub struct Strained {
     pub limit: Option<f64>,
     /// Frames with a face beyond the limit and one per cent.
     pub beyond: usize,
+    /// Frames in which cloth meets the body and one face of this in a hundred is beyond the limit and one per cent.
+    pub tight: usize,
+    /// Whether it comes from a file, which knows no cuts.
+    pub of_file: bool,
+}
+
+impl Strained {
+    /// What gives it more room.
+    fn room(&self) -> &'static str {
+        match self.of_file {
+            true => "a larger --size",
+            false => "--cut loose",
+        }
+    }
 }
 
 /// All frames together.
@@ -79,7 +93,11 @@ impl Quality {
             let of = |i: usize| each.iter().map(move |e| e.0[k][i]);
             let limit = piece.fabric.strain_limit;
             let is_beyond = |x: &f64| limit.is_some_and(|l| *x > l + BEYOND_LIMIT);
+            let is_tight =
+                |t: &usize| told[*t].body_intersections > 0.0 && is_beyond(&each[*t].0[k][1]);
             Strained {
+                of_file: piece.sha256.is_some(),
+                tight: (0..each.len().min(told.len())).filter(is_tight).count(),
                 name: piece.garment.name.clone(),
                 max: of(0).fold(0.0, f64::max),
                 p99: of(1).fold(0.0, f64::max),
@@ -113,8 +131,23 @@ impl Quality {
                 format!("cloth meets the body in {n} of {of} frames"),
             ),
         };
-        let hint = "nothing is lost: --resume --allow-crossings writes the frames all the same; \
-                    --cut loose or a finer --edge may avoid it";
+        let mut hint =
+            "nothing is lost: --resume --allow-crossings writes the frames all the same; "
+                .to_owned();
+        match self.strained.iter().max_by_key(|s| s.tight) {
+            Some(s) if s.tight > 0 => {
+                hint += &format!(
+                    "{} is too narrow for the body in {} of them: try {}, or a fabric that gives",
+                    s.name,
+                    s.tight,
+                    s.room()
+                )
+            }
+            widest => {
+                let room = widest.map_or("--cut loose", Strained::room);
+                hint += &format!("{room} or a finer --edge may avoid it");
+            }
+        }
         Some(Failure::new(Exit::Quality, code, what).hint(hint))
     }
 
@@ -133,11 +166,12 @@ impl Quality {
         }
         for s in self.strained.iter().filter(|s| s.beyond > 0) {
             out.push(format!(
-                "{} is stretched beyond its fabric's limit of {:.1} % in {} frames, to {:.1} % at worst; try --cut loose",
+                "{} is stretched beyond its fabric's limit of {:.1} % in {} frames, to {:.1} % at worst; try {}",
                 s.name,
                 s.limit.unwrap_or(f64::NAN) * 100.0,
                 s.beyond,
-                s.max * 100.0
+                s.max * 100.0,
+                s.room()
             ));
         }
         let met = self.shown.iter().filter(|n| **n > 0).count();
@@ -252,6 +286,32 @@ mod tests {
             Some(("cloth-in-body", Exit::Quality))
         );
         assert_eq!(code(quality(3.0, 2, 0.0), true), None);
+    }
+
+    #[test]
+    fn a_garment_that_is_too_narrow_is_named_with_what_widens_it() {
+        let tight = |of_file| Strained {
+            name: "dress".into(),
+            tight: 3,
+            of_file,
+            ..Strained::default()
+        };
+        let hint = |strained| {
+            let caught = Quality {
+                strained,
+                ..quality(3.0, 0, 0.0)
+            };
+            caught.fault(false).expect("it meets the body").hint
+        };
+        let tee = Strained::default();
+        let told = hint(vec![tee.clone(), tight(true)]);
+        let says = |told: &str, what: &str| assert!(told.contains(what), "{told}");
+        says(
+            &told,
+            "dress is too narrow for the body in 3 of them: try a larger --size",
+        );
+        says(&hint(vec![tight(false)]), "try --cut loose");
+        says(&hint(vec![tee]), "--cut loose or a finer --edge");
     }
 
     #[test]
