@@ -1,9 +1,9 @@
 //! Fitting: a garment that comes as a mesh, put around our body.
 //!
 //! The mesh is cleaned (welded, turned outside out, split into pieces), given a size and a place by
-//! looking where it surrounds the body most closely, meshed evenly, drawn out of the skin and
-//! bound. Where its sleeves point another way than our arms do, it is fitted on a body that
-//! holds its arms alike, and comes with them.
+//! looking where it surrounds the body most closely, rid of what is turned in at its openings, meshed
+//! evenly, drawn out of the skin and bound. Where its sleeves point another way than our arms do, it is
+//! fitted on a body that holds its arms alike, and comes with them.
 
 mod clean;
 mod hems;

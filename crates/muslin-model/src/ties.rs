@@ -16,7 +16,7 @@ use crate::{Model, Sway};
 const GIVES: f32 = 1.05;
 /// Rounds over the ties in a step.
 const ROUNDS: usize = 3;
-/// Swings at most that ties have room for; cloth with more is not held.
+/// Swings at most that ties have room for; cloth with more has none.
 const MOST: usize = 64;
 
 /// Pairs of neighbouring points, and how far apart they may be.
@@ -57,6 +57,7 @@ impl Ties {
                 }
             }
         }
+        // The shortest of each pair's ways.
         all.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
         all.dedup_by_key(|t| t.0);
         if sway.len() > MOST {
@@ -73,6 +74,9 @@ impl Ties {
     /// the pose alone leaves farther apart may be as far.
     #[inline(always)]
     pub fn hold(&mut self, held: Held<'_>, q: &mut [f32]) -> bool {
+        if self.pairs.is_empty() {
+            return false;
+        }
         let k = q.len();
         let (mut led, mut first) = (false, [0.0f32; MOST]);
         for _ in 0..ROUNDS {
@@ -95,11 +99,8 @@ impl Ties {
                     continue;
                 }
                 let row = row(&held, [i, j], apart / long, k);
-                let moved = row
-                    .iter()
-                    .zip(q.iter().zip(&first))
-                    .map(|(r, (q, f))| r * (q - f));
-                let beyond = long - most + moved.sum::<f32>();
+                let led = row.iter().zip(q.iter().zip(&first));
+                let beyond = long - most + led.map(|(r, (q, f))| r * (q - f)).sum::<f32>();
                 if beyond <= 0.0 {
                     continue;
                 }

@@ -409,6 +409,23 @@ fn points_that_cloth_joins_swing_no_farther_apart_than_it_is_long_and_others_do(
 }
 
 #[test]
+fn joined_cloth_swings_in_more_ways_than_ties_have_room_for_as_if_it_were_not_joined() {
+    let body = Body::new();
+    let (mut many, mut noise, n) = (model(), Noise::new(8), 70);
+    let sway = many.sway.as_mut().expect("it swings");
+    sway.shapes = noise.normals(3 * VERTS * n);
+    sway.means = noise.normals(3 * 3 * n);
+    (sway.stiffness, sway.damping) = (vec![100.0; n], vec![2.0; n]);
+    let joined = Model {
+        faces: vec![[3, 11, 20]],
+        ..many.clone()
+    };
+    let poses = body.poses("run");
+    let all = |model: &Model| body.play(model, &poses, 1.0);
+    assert_eq!(all(&joined), all(&many));
+}
+
+#[test]
 fn a_file_whose_walls_know_the_skin_at_rest_alone_has_its_swings_found_anew() {
     let mut old = model().to_weights();
     let room = Array::new(&[1, 4], Numbers::F32(vec![0.0, 0.0, 1.0, 1e-3]));

@@ -143,8 +143,8 @@ impl Quality {
                     s.room()
                 )
             }
-            widest => {
-                let room = widest.map_or("--cut loose", Strained::room);
+            outermost => {
+                let room = outermost.map_or("--cut loose", Strained::room);
                 hint += &format!("{room} or a finer --edge may avoid it");
             }
         }
