@@ -80,3 +80,26 @@ fn a_shared_pattern_is_sewn_and_worn() {
     let report = std::fs::read_to_string(folder.0.join("out/report.json")).expect("written");
     assert!(report.contains("\"garment\": \"shirt_mean\"") && report.contains("sha256"));
 }
+
+/// A jacket that is open in front with its skirt; cuffs turned in, one of which ends on the thumb; sleeves that hang.
+#[test]
+fn suits_and_dresses_of_others_walk_without_a_crossing() {
+    let Some(data) = std::env::var_os("MUSLIN_DATA").map(std::path::PathBuf::from) else {
+        return println!("skipped: needs MUSLIN_DATA");
+    };
+    for (name, told) in [
+        ("makehuman/female_elegantsuit01", "turned in"),
+        ("makehuman/male_casualsuit01", "turned in"),
+        ("diffcloth/dress-v5k-f10k-v3", "inches"),
+    ] {
+        let file = data.join(format!("garments/{name}.obj"));
+        let (folder, file) = (Folder::new("worn"), file.display().to_string());
+        let out = folder.at("walk.glb");
+        let mut args = vec!["simulate", "--garment", &file, "--motion", "walk"];
+        args.extend(["--seconds", "0.1", "--fps", "30", "-o", &out]);
+        let done = muslin(&args);
+        let said = errors(&done);
+        assert_eq!(done.status.code(), Some(0), "{name}: {said}");
+        assert!(said.contains(told), "{name}: {said}");
+    }
+}
