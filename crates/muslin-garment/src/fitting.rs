@@ -20,7 +20,7 @@ use crate::sewing::percentile;
 use crate::stand::{BodyMap, Stand};
 use clean::Piece;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-use muslin_body::{Avatar, Figure, Posed, Shape, Sparse};
+use muslin_body::{Avatar, Posed, Shape, Sparse};
 use muslin_geom::{Mesh, RemeshOptions, Surface, remesh};
 use place::Found;
 
@@ -73,7 +73,7 @@ impl Garment {
                 ));
             }
             let made = even(placed, edge, &mut warnings);
-            let (garment, grown) = made.fitted((avatar, &base), (&stand, &found), name)?;
+            let (garment, grown) = made.fitted(avatar, (&stand, &found), name)?;
             warnings.extend(grown);
             garments.push(garment);
         }
@@ -130,7 +130,7 @@ struct Even(Mesh);
 impl Even {
     fn fitted(
         self,
-        (avatar, base): (&Avatar, &Figure),
+        avatar: &Avatar,
         (stand, found): (&Stand, &Found),
         name: String,
     ) -> Result<(Garment, Option<String>), GarmentError> {
@@ -152,8 +152,7 @@ impl Even {
             let arms = arms.map(|l| [l.shoulder, l.elbow, l.wrist]);
             sleeves::onto_arms(&mut x, parts, &arms);
         }
-        let still = Surface::new(&base.verts, avatar.collision_faces());
-        let binding = bind(if hang.is_some() { &still } else { &skin }, &x);
+        let binding = bind(if hang.is_some() { &stand.skin } else { &skin }, &x);
         let arm = |row: &[(u32, f64)], s: usize| -> f64 {
             row.iter()
                 .map(|&(i, w)| stand.map.arm[s][i as usize] * w)

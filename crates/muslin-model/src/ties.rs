@@ -99,8 +99,8 @@ impl Ties {
                     continue;
                 }
                 let row = row(&held, [i, j], apart / long, k);
-                let led = row.iter().zip(q.iter().zip(&first));
-                let beyond = long - most + led.map(|(r, (q, f))| r * (q - f)).sum::<f32>();
+                let since = row.iter().zip(q.iter().zip(&first));
+                let beyond = long - most + since.map(|(r, (q, f))| r * (q - f)).sum::<f32>();
                 if beyond <= 0.0 {
                     continue;
                 }

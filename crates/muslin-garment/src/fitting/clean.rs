@@ -280,6 +280,11 @@ fn part_fans(mesh: &mut Mesh) {
     }
 }
 
+/// The middle of a ring of vertices at `x`.
+pub fn middle(x: &[DVec3], ring: &[u32]) -> DVec3 {
+    ring.iter().map(|v| x[*v as usize]).sum::<DVec3>() / ring.len() as f64
+}
+
 /// Loops of open edges; where two meet in a vertex, either may go on.
 pub fn rims(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
     let all = sides(faces);

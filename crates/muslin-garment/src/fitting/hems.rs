@@ -4,6 +4,8 @@
 use glam::DVec3;
 use muslin_geom::{Mesh, neighbours};
 
+use super::clean::middle;
+
 /// How far from an opening along the cloth what is turned in is looked for [m].
 const DEEP: f64 = 0.06;
 /// Cloth that comes less than this share of its way nearer to the garment's inside, and does not go inwards, is
@@ -36,10 +38,6 @@ pub fn turned_out(mesh: Mesh, rims: &[Vec<u32>]) -> (Mesh, usize) {
         0 => (Mesh { verts, faces }, 0),
         _ => (used(&verts, &faces), left_out),
     }
-}
-
-fn middle(x: &[DVec3], ring: &[u32]) -> DVec3 {
-    ring.iter().map(|v| x[*v as usize]).sum::<DVec3>() / ring.len() as f64
 }
 
 /// The vertices that are 0, 1, 2 and more edges from a rim, until twice as deep as is looked.

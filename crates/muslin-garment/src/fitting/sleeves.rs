@@ -6,7 +6,7 @@ use std::collections::BinaryHeap;
 use glam::{DQuat, DVec3};
 use muslin_geom::neighbours;
 
-use super::clean::rims;
+use super::clean::{middle, rims};
 
 /// An opening this far from the middle [m], above the crotch, is a cuff.
 const ASIDE: f64 = 0.1;
@@ -83,15 +83,11 @@ pub fn parts(faces: &[[u32; 3]], x: &[DVec3], crotch: f64) -> Option<Parts> {
     let all = rims(faces);
     for side in 0..2 {
         let sign = [1.0, -1.0][side];
-        let middle = |rim: &Vec<u32>| {
-            let sum: DVec3 = rim.iter().map(|v| x[*v as usize]).sum();
-            sum / rim.len() as f64
-        };
         let is_cuff = |rim: &&Vec<u32>| {
-            let m = middle(rim);
+            let m = middle(x, rim);
             sign * m.x > ASIDE && m.y > crotch
         };
-        let far = |rim: &Vec<u32>| sign * middle(rim).x;
+        let far = |rim: &Vec<u32>| sign * middle(x, rim).x;
         let cuff = all.iter().filter(is_cuff);
         let cuff = cuff.max_by(|a, b| far(a).total_cmp(&far(b)))?;
         let along = along(x, &near, cuff);
