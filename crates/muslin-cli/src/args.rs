@@ -308,6 +308,10 @@ pub struct Train {
     /// Motions that are not learnt from but judged at the end, named as with --motion.
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub check: Vec<String>,
+    /// How steeply poses that cost much count for less, as a power of what they cost; stiff cloth is taught
+    /// better at 1 [default: 1.5].
+    #[arg(long, value_name = "POWER")]
+    pub fairness: Option<f64>,
     /// Step size of the network [default: 0.003; of published systems as published].
     #[arg(long)]
     pub rate: Option<f64>,
@@ -631,6 +635,7 @@ impl Train {
             layers: self.layers,
             without_gravity: self.without_gravity,
             augment: self.augment,
+            fairness: self.fairness,
             seed: self.seed,
             rate: self.rate,
             resume: self.resume,

@@ -434,6 +434,7 @@ fn options_of_another_trainer_are_refused_by_name() {
         ("snug", "--mixed", "9"),
         ("pbns", "--layers", "5"),
         ("snug", "--augment", "0.1"),
+        ("pbns", "--fairness", "1"),
         ("pbns", "--fabric", "any"),
         ("ncs", "--shape", "any"),
         ("snug", "--sizes", "any"),

@@ -2,8 +2,10 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 use muslin_body::{Avatar, Cores, Figure, Part, Pose};
-use muslin_geom::{Aabb, Bvh, Closest, Surface, vertex_normals};
+use muslin_geom::{Closest, Surface, vertex_normals};
 use muslin_sim::{Flesh, Frame};
+
+use crate::around::{met, within};
 
 /// How far from the cloth skin is looked for [m].
 const REACH: f64 = 0.06;
@@ -11,8 +13,6 @@ const REACH: f64 = 0.06;
 const SHALLOW: f64 = 0.003;
 /// Room that cloth needs between two parts of the body [m].
 const ROOM: f64 = 0.007;
-/// Skin farther than this from the cloth at rest is no wall [m]: hands, head, lower legs.
-const AROUND: f64 = 0.10;
 /// Skin this near to cloth at rest may give way [m].
 const SOFT: f64 = 0.05;
 
@@ -69,19 +69,10 @@ impl<'a> Skinned<'a> {
     /// The skin around a cloth at `x` [m] at rest.
     pub fn new((avatar, figure): (&'a Avatar, &'a Figure), x: &[DVec3]) -> Self {
         let skin = &figure.verts[avatar.part(Part::Body)];
-        let boxes: Vec<Aabb> = x.iter().map(|p| Aabb::of(&[*p])).collect();
-        let tree = Bvh::over(&boxes);
-        let within = |far: f64| -> Vec<bool> {
-            let near = |p: &DVec3| {
-                tree.nearest(*p, far * far, |k| x[k as usize].distance_squared(*p))
-                    .is_some()
-            };
-            skin.iter().map(near).collect()
-        };
-        let near = within(AROUND);
+        let met = met(skin, x);
         let faces = avatar.collision_faces().iter();
         let kept: Vec<[u32; 3]> = faces
-            .filter(|f| f.iter().all(|v| near[*v as usize]))
+            .filter(|f| f.iter().all(|v| met[*v as usize]))
             .copied()
             .collect();
         let mut verts = kept.concat();
@@ -99,7 +90,7 @@ impl<'a> Skinned<'a> {
             around: around(at.len(), &faces),
             flesh: Flesh::new(&at, &faces),
             soft: {
-                let soft = within(SOFT);
+                let soft = within(skin, x, SOFT);
                 verts.iter().map(|v| soft[*v as usize]).collect()
             },
             range: avatar.part(Part::Body),

@@ -63,9 +63,12 @@ pub struct Plan {
     /// that begins with a model has that behind it.
     pub firm: f64,
     /// Cost of stretch and contact [J] beyond which a pose counts for less and less: its weight is this over its
-    /// cost, to the power of 1.5. Cloth that is predicted badly hangs too high, in all poses alike: what a few impossible
+    /// cost, to the power of `fairness`. Cloth that is predicted badly hangs too high, in all poses alike: what a few impossible
     /// poses ask for would lift it in those that are easy.
     pub fair: f64,
+    /// How steeply it counts for less. At 1 all poses beyond `fair` weigh alike in what is learnt, whatever they cost; soft
+    /// cloth ends better with more, stiff cloth with less.
+    pub fairness: f32,
     /// How much is added at random to what the network is told of a pose, in every step anew, as a share of how much
     /// that differs from pose to pose: poses that are nearer to each other than this are to give much the same cloth,
     /// also where none was taught.
@@ -90,6 +93,7 @@ impl Default for Plan {
             stiffest: 1000.0,
             firm: 1000.0,
             fair: 0.01,
+            fairness: 1.5,
             blur: 0.05,
             seed: 1,
         }

@@ -11,6 +11,7 @@
 //! Sobolev gradient, and converges in hundreds of steps where a first-order method takes tens of
 //! thousands.
 
+mod around;
 mod begin;
 mod body;
 mod cut;

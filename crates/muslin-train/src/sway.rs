@@ -20,8 +20,9 @@ const SWINGS: usize = 16;
 const BESIDE: usize = 6;
 /// Rounds of leading downhill.
 const ROUNDS: usize = 6;
-/// Points that stand for the whole.
-const SAMPLES: usize = 192;
+/// Points stand for the cloth within this distance [m], and there are so many at most.
+const SPACING: f64 = 0.045;
+const SAMPLES: usize = 480;
 /// Share of critical damping: what rubs in yarns and stirs the air.
 const DAMPING: f64 = 0.2;
 /// Nothing swings slower than this [rad/s].
@@ -68,7 +69,7 @@ pub fn hold_back(
     verts: &[DVec3],
     (skin, weights): (&Surface, impl Fn(u32) -> Vec<(u8, f64)>),
 ) {
-    for vertex in spread(verts, WALLS.min(verts.len())) {
+    for vertex in spread(verts, WALLS.min(verts.len()), 0.0) {
         let Some(hit) = skin.closest(verts[vertex as usize], FAR) else {
             continue;
         };
@@ -101,7 +102,7 @@ pub fn hold_back(
 /// Chooses points that stand for the cloth around them.
 fn stand_for(sway: &mut Sway, hanging: &Hanging) {
     let (x, k) = (&hanging.verts, sway.len());
-    let samples = spread(x, SAMPLES.min(x.len()));
+    let samples = spread(x, SAMPLES.min(x.len()), SPACING);
     let nearest = |p: &DVec3| {
         let far = |s: &usize| p.distance_squared(x[samples[*s] as usize]);
         (0..samples.len()).min_by(|a, b| far(a).total_cmp(&far(b)))
@@ -124,8 +125,9 @@ fn stand_for(sway: &mut Sway, hanging: &Hanging) {
     sway.samples = samples;
 }
 
-/// Points evenly spread over others: each the farthest from those before.
-fn spread(x: &[DVec3], count: usize) -> Vec<u32> {
+/// Points evenly spread over others, each the farthest from those before: until none is farther than `spacing` [m], and
+/// `count` at most.
+fn spread(x: &[DVec3], count: usize, spacing: f64) -> Vec<u32> {
     let mut far = vec![f64::INFINITY; x.len()];
     let mut out = vec![0u32];
     while out.len() < count {
@@ -134,7 +136,11 @@ fn spread(x: &[DVec3], count: usize) -> Vec<u32> {
             *far = far.min(p.distance_squared(last));
         }
         let next = (0..x.len()).max_by(|a, b| far[*a].total_cmp(&far[*b]));
-        out.push(next.expect("there are points") as u32);
+        let next = next.expect("there are points");
+        if far[next] <= spacing * spacing {
+            break;
+        }
+        out.push(next as u32);
     }
     out
 }
@@ -506,6 +512,27 @@ mod tests {
             ];
             assert!((all - few).abs() < 1e-5, "{k} {axis}: {all} {few}");
         }
+    }
+
+    #[test]
+    fn larger_cloth_has_more_samples_and_none_of_it_is_far_from_one() {
+        let grid = |n: u32| -> Vec<DVec3> {
+            let at = |k: u32| DVec3::new(f64::from(k % n), f64::from(k / n), 0.0) * 0.01;
+            (0..n * n).map(at).collect()
+        };
+        let count = |n: u32| {
+            let x = grid(n);
+            let samples = spread(&x, usize::MAX, SPACING);
+            let near = |p: &DVec3| {
+                samples
+                    .iter()
+                    .any(|s| p.distance(x[*s as usize]) <= SPACING)
+            };
+            assert!(x.iter().all(near));
+            samples.len()
+        };
+        assert!(count(60) > 3 * count(30), "{} {}", count(60), count(30));
+        assert_eq!(spread(&grid(60), 7, SPACING).len(), 7);
     }
 
     #[test]

@@ -16,9 +16,6 @@ use crate::wearer::Wearer;
 /// Stiffness of a pin [N/m], as in the solver.
 pub(crate) const PIN: f32 = 100.0;
 
-/// The power at which a hard pose's weight falls with what it costs ([`crate::Plan::fair`]).
-const FAIRNESS: f32 = 1.5;
-
 /// The entries of a symmetric 3 × 3 matrix that are kept.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
 
@@ -234,7 +231,7 @@ impl Trainer<'_> {
         work.counts = hard.0.map(|e| {
             (self.plan.fair as f32 / e.max(1e-9))
                 .min(1.0)
-                .powf(FAIRNESS)
+                .powf(self.plan.fairness)
         });
         work.under = mean(under) / n as f64;
         let sound = |row: &Row| row.iter().all(|x| x.is_finite());
@@ -293,6 +290,23 @@ mod tests {
         }
         let alike = trainer.work(&mut pack.clone()).codes;
         assert_eq!(trainer.blurred(&mut pack).codes, alike);
+    }
+
+    #[test]
+    fn hard_poses_count_for_less_and_as_steeply_as_is_asked() {
+        let mut trainer = CLASS.trainer();
+        trainer.step().expect("finite");
+        let pack = trainer.now.packs[0].clone();
+        let mut counts = |fairness: f32| {
+            trainer.plan.fairness = fairness;
+            trainer.work(&mut pack.clone()).counts
+        };
+        let (once, twice, alike) = (counts(1.0), counts(2.0), counts(0.0));
+        assert_eq!(alike, [1.0; LANES]);
+        assert!(once.iter().any(|c| *c < 0.5), "{once:?}");
+        for (a, b) in once.iter().zip(&twice) {
+            assert!((a * a - b).abs() <= 1e-4 * b, "{a} {b}");
+        }
     }
 
     /// The gradients of a pack of the wearer of that number.

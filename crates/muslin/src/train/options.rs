@@ -48,6 +48,8 @@ pub struct TrainOptions {
     pub layers: Option<usize>,
     /// Share of the samples whose motions NCS exchanges; 0.2 if not said.
     pub augment: Option<f64>,
+    /// How steeply poses that cost much count for less in our own training; 1.5 if not said.
+    pub fairness: Option<f64>,
     /// Where random numbers start.
     pub seed: u64,
     /// Step size of the network, if not the usual one.
@@ -80,6 +82,7 @@ impl Default for TrainOptions {
             without_gravity: false,
             layers: None,
             augment: None,
+            fairness: None,
             seed: Plan::default().seed,
             rate: None,
             resume: false,
@@ -167,6 +170,11 @@ impl TrainOptions {
                 "ncs",
             ),
             (
+                "--fairness",
+                self.fairness.is_some() && self.system.is_some(),
+                ours,
+            ),
+            (
                 "--mixed",
                 self.mixed.is_some() && self.is_moving(),
                 "what learns from single poses",
@@ -222,6 +230,7 @@ impl TrainOptions {
         within("--width", "", self.width.map(|x| x as f64), (4.0, 4096.0))?;
         within("--layers", "", self.layers.map(|x| x as f64), (1.0, 16.0))?;
         within("--augment", "", self.augment, (0.0, 1.0))?;
+        within("--fairness", "", self.fairness, (0.0, 3.0))?;
         within("--rate", "", self.rate, (1e-6, 0.1))?;
         if self.dress.outfit.len() != 1 && self.system != Some(System::Pbns) {
             let n = self.dress.outfit.len();
@@ -250,6 +259,7 @@ impl TrainOptions {
             steps: self.steps,
             seed: self.seed,
             rate: self.rate.map_or(usual.rate, |r| r as f32),
+            fairness: self.fairness.map_or(usual.fairness, |p| p as f32),
             ..usual
         }
     }
