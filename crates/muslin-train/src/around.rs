@@ -16,33 +16,45 @@ const SLICE: f64 = 0.025;
 const SECTORS: usize = 12;
 const CLOSED: usize = 11;
 
-/// Which of the points of a skin lie within `far` [m] of a cloth at `x`.
-pub(crate) fn within(skin: &[DVec3], x: &[DVec3], far: f64) -> Vec<bool> {
-    let boxes: Vec<Aabb> = x.iter().map(|p| Aabb::of(&[*p])).collect();
-    let tree = Bvh::over(&boxes);
-    let square = |p: &DVec3| tree.nearest(*p, far * far, |k| x[k as usize].distance_squared(*p));
-    skin.iter().map(|p| square(p).is_some()).collect()
+/// A cloth at rest, ready to be asked what is around it.
+pub(crate) struct Resting<'x> {
+    /// Its vertices [m].
+    x: &'x [DVec3],
+    tree: Bvh,
 }
 
-/// Which of the points of a skin a cloth at `x` [m] may meet in some pose: those near to it at rest, those that it goes
-/// around however wide it hangs, and those that hang out below it. Hands beside a skirt are none of these.
-pub(crate) fn met(skin: &[DVec3], x: &[DVec3]) -> Vec<bool> {
-    let near = within(skin, x, AROUND);
-    let low = x.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
-    let slice = |y: f64| ((y - low) / SLICE) as i64;
-    let mut slices: BTreeMap<i64, Vec<[f64; 2]>> = BTreeMap::new();
-    for p in x {
-        for k in -1..=1 {
-            let slice = slices.entry(slice(p.y) + k).or_default();
-            slice.push([p.x, p.z]);
-        }
+impl<'x> Resting<'x> {
+    pub fn new(x: &'x [DVec3]) -> Self {
+        let boxes: Vec<Aabb> = x.iter().map(|p| Aabb::of(&[*p])).collect();
+        let tree = Bvh::over(&boxes);
+        Self { x, tree }
     }
-    let worn = |p: &DVec3| {
-        let ring = slices.get(&slice(p.y.max(low)));
-        ring.is_some_and(|ring| p.y > low - BELOW && goes_around(ring, [p.x, p.z]))
-    };
-    let all = near.into_iter().zip(skin);
-    all.map(|(near, p)| near || worn(p)).collect()
+
+    /// Whether a point lies within `far` of it [m].
+    pub fn is_near(&self, p: DVec3, far: f64) -> bool {
+        let square = |k: u32| self.x[k as usize].distance_squared(p);
+        self.tree.nearest(p, far * far, square).is_some()
+    }
+
+    /// Which of the points of a skin it may meet in some pose: those near to it at rest, those that it goes around
+    /// however wide it hangs, and those that hang out below it. Hands beside a skirt are none of these.
+    pub fn meets(&self, skin: &[DVec3]) -> Vec<bool> {
+        let low = self.x.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+        let slice = |y: f64| ((y - low) / SLICE) as i64;
+        let mut slices: BTreeMap<i64, Vec<[f64; 2]>> = BTreeMap::new();
+        for p in self.x {
+            for k in -1..=1 {
+                let slice = slices.entry(slice(p.y) + k).or_default();
+                slice.push([p.x, p.z]);
+            }
+        }
+        let is_worn = |p: &DVec3| {
+            let ring = slices.get(&slice(p.y.max(low)));
+            ring.is_some_and(|ring| p.y > low - BELOW && goes_around(ring, [p.x, p.z]))
+        };
+        let meets = |p: &DVec3| self.is_near(*p, AROUND) || is_worn(p);
+        skin.iter().map(meets).collect()
+    }
 }
 
 /// Whether points lie all around another.
@@ -78,8 +90,8 @@ mod tests {
             DVec3::new(0.0, 1.2, 0.0),
         ];
         let whole = [true, true, true, false, false, false, false];
-        assert_eq!(met(&skin, &wall(1.0)), whole);
+        assert_eq!(Resting::new(&wall(1.0)).meets(&skin), whole);
         let apron = [false, false, true, false, false, false, false];
-        assert_eq!(met(&skin, &wall(0.5)), apron, "open behind");
+        assert_eq!(Resting::new(&wall(0.5)).meets(&skin), apron, "open behind");
     }
 }

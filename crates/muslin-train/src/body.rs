@@ -5,7 +5,7 @@ use muslin_body::{Avatar, Cores, Figure, Part, Pose};
 use muslin_geom::{Closest, Surface, vertex_normals};
 use muslin_sim::{Flesh, Frame};
 
-use crate::around::{met, within};
+use crate::around::Resting;
 
 /// How far from the cloth skin is looked for [m].
 const REACH: f64 = 0.06;
@@ -69,7 +69,8 @@ impl<'a> Skinned<'a> {
     /// The skin around a cloth at `x` [m] at rest.
     pub fn new((avatar, figure): (&'a Avatar, &'a Figure), x: &[DVec3]) -> Self {
         let skin = &figure.verts[avatar.part(Part::Body)];
-        let met = met(skin, x);
+        let cloth = Resting::new(x);
+        let met = cloth.meets(skin);
         let faces = avatar.collision_faces().iter();
         let kept: Vec<[u32; 3]> = faces
             .filter(|f| f.iter().all(|v| met[*v as usize]))
@@ -89,10 +90,7 @@ impl<'a> Skinned<'a> {
             rim: rim(&faces),
             around: around(at.len(), &faces),
             flesh: Flesh::new(&at, &faces),
-            soft: {
-                let soft = within(skin, x, SOFT);
-                verts.iter().map(|v| soft[*v as usize]).collect()
-            },
+            soft: at.iter().map(|p| cloth.is_near(*p, SOFT)).collect(),
             range: avatar.part(Part::Body),
             cores: {
                 let still = vec![DAffine3::IDENTITY; avatar.rig().n_bones()];

@@ -69,7 +69,7 @@ pub fn hold_back(
     verts: &[DVec3],
     (skin, weights): (&Surface, impl Fn(u32) -> Vec<(u8, f64)>),
 ) {
-    for vertex in spread(verts, WALLS.min(verts.len()), 0.0) {
+    for vertex in spread(verts, WALLS, 0.0) {
         let Some(hit) = skin.closest(verts[vertex as usize], FAR) else {
             continue;
         };
@@ -102,7 +102,7 @@ pub fn hold_back(
 /// Chooses points that stand for the cloth around them.
 fn stand_for(sway: &mut Sway, hanging: &Hanging) {
     let (x, k) = (&hanging.verts, sway.len());
-    let samples = spread(x, SAMPLES.min(x.len()), SPACING);
+    let samples = spread(x, SAMPLES, SPACING);
     let nearest = |p: &DVec3| {
         let far = |s: &usize| p.distance_squared(x[samples[*s] as usize]);
         (0..samples.len()).min_by(|a, b| far(a).total_cmp(&far(b)))
