@@ -6,7 +6,7 @@
 //! `E = ½ B l² / (A₀ + A₁) (θ − θ̄)²` [J], with edge length `l`, areas `A` and angle `θ̄` at rest.
 //! A regular mesh bent to a cylinder of curvature `κ` then stores `½ B κ²` per area, which makes
 //! `B` the bending stiffness of the fabric [N m]. A strip that may also curve across its length
-//! relaxes and reads softer: calibrate against the cantilever where that matters.
+//! relaxes and reads softer, by the mesh: [`crate::plate`] does not, and is what cloth is moved and taught by.
 //!
 //! The angle form of Grinspun et al. 2003; the constant derived for `B`.
 

@@ -7,7 +7,7 @@
 //! - on one weighted point ([`AtPoint`]): [`mod@point`] (inertia, gravity, pins, drag),
 //!   [`contact`], [`friction`], [`air`];
 //! - on a triangle's deformation ([`InPlane`]): [`membrane`], [`stvk`], [`neo`], [`strain`];
-//! - on the vertices of an edge or a hinge ([`Local`]): [`spring`], [`hinge`], [`flat`].
+//! - on the vertices of an edge, a hinge or a patch ([`Local`]): [`spring`], [`hinge`], [`flat`], [`plate`].
 //!
 //! [`check`] is the suite that each of them passes, exported for every faster variant.
 
@@ -20,6 +20,7 @@ pub mod hinge;
 mod local;
 pub mod membrane;
 pub mod neo;
+pub mod plate;
 pub mod point;
 pub mod proximity;
 pub mod spring;

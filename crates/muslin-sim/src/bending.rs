@@ -1,10 +1,10 @@
-//! Bending of all hinges together: one constant sparse matrix of plain numbers.
+//! Bending of all triangles together: one constant sparse matrix of plain numbers.
 //!
-//! Cloth is cut flat and hardly stretches, so the fold of a hinge is linear in the positions and
-//! the energy is `½ xᵀ Q x` with the same `Q` for each coordinate (see [`muslin_energy::flat`]).
+//! Cloth is cut flat and hardly stretches, so how a triangle curves is linear in the positions and
+//! the energy is `½ xᵀ Q x` with the same `Q` for each coordinate (see [`muslin_energy::plate`]).
 
 use glam::DVec3;
-use muslin_energy::{flat::FlatHinge, hinge};
+use muslin_energy::plate;
 
 use crate::{
     cloth::Cloth,
@@ -16,7 +16,7 @@ use crate::{
 pub(crate) struct Bending {
     /// Per place of the pattern's `near` rows [N/m].
     pub near: Vec<f64>,
-    /// Vertices across a hinge that share no face.
+    /// Vertices that bend together and share no face.
     pub far: Rows,
     /// Their entries [N/m].
     pub far_weights: Vec<f64>,
@@ -26,7 +26,8 @@ pub(crate) struct Bending {
 
 impl Bending {
     pub fn new(cloth: &Cloth, pattern: &Pattern) -> Bending {
-        let entries = entries(cloth);
+        let bend = |f: usize| cloth.materials[cloth.material_of[f] as usize].bend;
+        let entries = plate::entries(&cloth.faces, &cloth.rest, bend);
         let mut near = vec![0.0; pattern.near.items.len()];
         let is_far = |&&(i, j, _): &&(u32, u32, f64)| pattern.near.find(i, j).is_none();
         let pairs = entries.iter().filter(is_far).map(|e| (e.0, e.1)).collect();
@@ -56,31 +57,5 @@ impl Bending {
             sum += (x[self.far.items[k] as usize] - x[i]) * self.far_weights[k];
         }
         sum
-    }
-}
-
-/// `(i, j, Q_ij)` of every hinge.
-fn entries(cloth: &Cloth) -> Vec<(u32, u32, f64)> {
-    let mut out = Vec::new();
-    for stencil in hinge::stencils(&cloth.faces) {
-        let bend = |side: usize| {
-            cloth.materials[cloth.material_of[stencil.faces[side] as usize] as usize].bend
-        };
-        let flat = FlatHinge::new(stencil.corners(&cloth.rest), &softer(bend(0), bend(1)));
-        for a in 0..4 {
-            for b in 0..4 {
-                let q = flat.stiffness * flat.weights[a] * flat.weights[b];
-                out.push((stencil.verts[a], stencil.verts[b], q));
-            }
-        }
-    }
-    out
-}
-
-/// Between two materials the softer one folds.
-fn softer(a: hinge::Bend, b: hinge::Bend) -> hinge::Bend {
-    hinge::Bend {
-        warp: a.warp.min(b.warp),
-        weft: a.weft.min(b.weft),
     }
 }

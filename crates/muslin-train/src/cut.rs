@@ -1,6 +1,6 @@
 //! Cloth prepared for the laws of sixteen poses: single precision, everything in flat lists.
 
-use muslin_energy::{RestTriangle, flat::FlatHinge, hinge};
+use muslin_energy::{RestTriangle, plate};
 use muslin_sim::Cloth;
 
 use crate::TrainError;
@@ -80,23 +80,9 @@ impl Cut {
 
 /// The rows of `Q` without their diagonals, which are minus the sum of the rest.
 fn bending(cloth: &Cloth) -> (Vec<u32>, Vec<(u32, f32)>) {
-    let mut entries: Vec<(u32, u32, f64)> = Vec::new();
-    for s in hinge::stencils(&cloth.faces) {
-        let bend =
-            |side: usize| cloth.materials[cloth.material_of[s.faces[side] as usize] as usize].bend;
-        // Between two materials the softer one folds.
-        let softer = hinge::Bend {
-            warp: bend(0).warp.min(bend(1).warp),
-            weft: bend(0).weft.min(bend(1).weft),
-        };
-        let flat = FlatHinge::new(s.corners(&cloth.rest), &softer);
-        for a in 0..4 {
-            for b in (0..4).filter(|b| *b != a) {
-                let q = flat.stiffness * flat.weights[a] * flat.weights[b];
-                entries.push((s.verts[a], s.verts[b], q));
-            }
-        }
-    }
+    let of = |f: usize| cloth.materials[cloth.material_of[f] as usize].bend;
+    let mut entries = plate::entries(&cloth.faces, &cloth.rest, of);
+    entries.retain(|e| e.0 != e.1);
     entries.sort_by_key(|e| (e.0, e.1));
     let mut starts = vec![0u32; cloth.n_verts() + 1];
     let mut out: Vec<(u32, f32)> = Vec::new();

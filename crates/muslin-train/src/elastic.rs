@@ -127,7 +127,7 @@ fn coupled(ring: &[u32], bent: &[(u32, f32)]) -> Vec<u32> {
 
 #[cfg(test)]
 mod tests {
-    use muslin_energy::{flat, hinge};
+    use muslin_energy::plate;
     use muslin_net::learn::Noise;
     use muslin_sim::Cloth;
 
@@ -163,12 +163,10 @@ mod tests {
         let mut stiffer = class.cloth.clone();
         stiffer.materials[0].bend.warp *= 10.0;
         stiffer.materials[0].bend.weft *= 10.0;
-        let bend = &class.cloth.materials[0].bend;
-        let of = |s: &hinge::Stencil| {
-            let rest = flat::FlatHinge::new(s.corners(&class.cloth.rest), bend);
-            flat::energy(&s.verts.map(|v| d[v as usize]), &rest)
-        };
-        let law: f64 = hinge::stencils(&class.cloth.faces).iter().map(of).sum();
+        let of = |_| class.cloth.materials[0].bend;
+        let law: f64 = (plate::plates(&class.cloth.faces, &class.cloth.rest, of).iter())
+            .map(|(verts, rest)| plate::energy(&verts.map(|v| d[v as usize]), rest))
+            .sum();
         let more = square(&class, &stiffer, &d) - whole;
         assert!((more / (18.0 * law) - 1.0).abs() < 1e-4, "{more} {law}");
 

@@ -1,6 +1,6 @@
 //! The laws of sixteen poses at once, in single precision: energy and gradient.
 //!
-//! The same formulas as in `muslin_energy` (`membrane`, `flat`, `point`, `contact`), on coordinate
+//! The same formulas as in `muslin_energy` (`membrane`, `plate`, `point`, `contact`), on coordinate
 //! differences; held to them by the tests below. Positions lie `[vertex][axis][pose]` [m];
 //! gradients [N] are added, energies [J] returned, one for each pose.
 
@@ -92,7 +92,7 @@ impl Wall {
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
-    use muslin_energy::{contact::Barrier, flat, membrane as exact};
+    use muslin_energy::{contact::Barrier, membrane as exact, plate};
 
     use super::*;
     use crate::lanes::LANES;
@@ -131,11 +131,12 @@ mod tests {
         let (mut want, mut sums) = (vec![vec![DVec3::ZERO; 12]; LANES], vec![0.0; LANES]);
         for pose in 0..LANES {
             let x = state(&x, pose);
-            for s in muslin_energy::hinge::stencils(&cloth.faces) {
-                let rest = flat::FlatHinge::new(s.corners(&cloth.rest), &cloth.materials[0].bend);
-                let (e, d) = flat::gradient(&s.verts.map(|v| x[v as usize]), &rest);
+            for (verts, rest) in
+                plate::plates(&cloth.faces, &cloth.rest, |_| cloth.materials[0].bend)
+            {
+                let (e, d) = plate::gradient(&verts.map(|v| x[v as usize]), &rest);
                 sums[pose] += e;
-                (0..4).for_each(|k| want[pose][s.verts[k] as usize] += d[k]);
+                (0..6).for_each(|k| want[pose][verts[k] as usize] += d[k]);
             }
         }
         agree("bending", &g, &want, (energy, &sums));

@@ -252,10 +252,6 @@ const COMPRESSION: f64 = 0.2;
 /// not as stiffly as its mesh.
 const BUCKLES: f64 = 2e-4;
 
-/// How much stiffer hinges are than the fabric, so that strips read it: without it a clamped strip of
-/// equilateral triangles reads 0.95 to 0.99 of its bending, one of squares 0.83 to 0.87.
-pub(crate) const STRIP: f64 = 1.1;
-
 /// What the simulator makes of a fabric.
 pub(crate) fn material(fabric: &Fabric) -> Material {
     let limp = (fabric.bend_warp + fabric.bend_weft) / (fabric.stretch_warp + fabric.stretch_weft);
@@ -268,8 +264,8 @@ pub(crate) fn material(fabric: &Fabric) -> Material {
             compression: COMPRESSION.min(limp / (BUCKLES * BUCKLES)),
         },
         bend: Bend {
-            warp: STRIP * fabric.bend_warp,
-            weft: STRIP * fabric.bend_weft,
+            warp: fabric.bend_warp,
+            weft: fabric.bend_weft,
         },
         limit: fabric.strain_limit,
         friction: fabric.friction,

@@ -5,7 +5,7 @@ use std::slice;
 
 use glam::DVec3;
 use muslin_body::Avatar;
-use muslin_energy::{RestTriangle, flat, hinge, membrane, point};
+use muslin_energy::{RestTriangle, membrane, plate, point};
 use muslin_geom::{Mesh, Value, self_intersections};
 use muslin_io::Clip;
 use muslin_model::{Model, Player};
@@ -503,10 +503,9 @@ fn energies(cloth: &Cloth, x: &[DVec3]) -> [f64; 3] {
             .map(|p| point::gravity(*p, third, g).energy)
             .sum::<f64>();
     }
-    for s in hinge::stencils(&cloth.faces) {
-        let material = &cloth.materials[cloth.material_of[s.faces[0] as usize] as usize];
-        let rest = flat::FlatHinge::new(s.corners(&cloth.rest), &material.bend);
-        out[1] += flat::energy(&s.verts.map(|v| x[v as usize]), &rest);
+    let bend = |f: usize| cloth.materials[cloth.material_of[f] as usize].bend;
+    for (verts, rest) in plate::plates(&cloth.faces, &cloth.rest, bend) {
+        out[1] += plate::energy(&verts.map(|v| x[v as usize]), &rest);
     }
     out
 }

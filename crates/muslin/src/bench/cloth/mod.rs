@@ -182,9 +182,13 @@ fn cantilever(bend: f64, cut: Cut, edge: f64) -> Verdict {
     Verdict {
         test: "cantilever",
         case: format!("B {bend:.0e} N m, {cut:?}, {} mm", 1e3 * edge),
-        got: format!("{:.1} deg", got.to_degrees()),
-        target: format!("{:.1} deg within 10 %", want.to_degrees()),
-        holds: (got / want - 1.0).abs() <= 0.1,
+        got: format!(
+            "{:.1} deg, {:+.1} %",
+            got.to_degrees(),
+            100.0 * (got / want - 1.0)
+        ),
+        target: format!("{:.1} deg within 3 %", want.to_degrees()),
+        holds: (got / want - 1.0).abs() <= 0.03,
     }
 }
 
@@ -331,8 +335,8 @@ fn shaded(fabric: &Fabric, edge: f64, breath: DVec2) -> f64 {
     let held = |i: usize| piece.points[i].length() < support + 0.75 * edge;
     let cloth = piece.cloth(material(fabric), held);
     let drum = scenes::drum(support, 0.0);
-    // A breath of unevenness, so that folds have somewhere to begin.
-    let lift = |p: DVec2| 3e-3 + 1e-4 * breath.dot(p).sin();
+    // Uneven by about a cloth's thickness, so that folds begin there and not where the mesh has its corners.
+    let lift = |p: DVec2| 3e-3 + 5e-4 * breath.dot(p).sin();
     let start = placed(&piece, |p| DVec3::new(p.x, lift(p), -p.y));
     let x = at_rest(&cloth, &start, &drum, DRAPED);
     if x.is_empty() {
@@ -386,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cantilever_reads_its_fabric_within_a_tenth() {
+    fn a_cantilever_reads_its_fabric_however_it_is_cut() {
         holds(&cantilever(3e-5, Cut::Equilateral, 1e-2));
         holds(&cantilever(1e-4, Cut::Squares, 5e-3));
     }

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use muslin_energy::{hinge::Bend, membrane::Stretch};
 use muslin_sim::{Cloth, Material, Options, State, Walk, drape, simulate};
 
-use crate::drape::{NEARLY_THERE, STRIP};
+use crate::drape::NEARLY_THERE;
 
 /// How a strip is cut into triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,8 +45,8 @@ pub fn plain([density, stretch, bend]: [f64; 3]) -> Material {
             compression: 1.0,
         },
         bend: Bend {
-            warp: STRIP * bend,
-            weft: STRIP * bend,
+            warp: bend,
+            weft: bend,
         },
         limit: None,
         friction: 0.3,
