@@ -225,6 +225,12 @@ pub struct Simulate {
     /// longer.
     #[arg(long)]
     pub bdf2: bool,
+    /// Density of the air that cloth moves through [kg/m³]; 0 for none.
+    #[arg(long, default_value_t = SimulateOptions::default().air)]
+    pub air: f64,
+    /// Wind [m/s], in the animation's axes, Y up: --wind 0,0,-6 blows into the face of who looks along Z.
+    #[arg(long, value_name = "X,Y,Z", value_parser = wind, allow_hyphen_values = true, default_value = "0,0,0")]
+    pub wind: Wind,
     /// Go on with a simulation that was stopped.
     #[arg(long)]
     pub resume: bool,
@@ -575,6 +581,8 @@ impl Simulate {
             motion: self.motion[0].clone(),
             fps: self.fps,
             bdf2: self.bdf2,
+            air: self.air,
+            wind: self.wind.0,
             resume: self.resume,
             npz: self.npz.clone(),
             pc2: self.pc2.clone(),
@@ -736,6 +744,19 @@ impl Wearing {
         }
         options
     }
+}
+
+/// A velocity of the air [m/s].
+#[derive(Clone, Copy, Debug)]
+pub struct Wind(pub [f64; 3]);
+
+/// Three numbers with commas between them.
+fn wind(text: &str) -> Result<Wind, String> {
+    let parts: Result<Vec<f64>, _> = text.split(',').map(|p| p.trim().parse()).collect();
+    let three = parts.ok().and_then(|p| <[f64; 3]>::try_from(p).ok());
+    three
+        .map(Wind)
+        .ok_or_else(|| "three numbers with commas between, as in 0,0,-6".to_owned())
 }
 
 fn person(text: &str) -> Result<Person, String> {

@@ -222,11 +222,14 @@ fn bad_input_ends_with_its_code_a_hint_and_no_file() {
     let whole = recording();
     let cut = folder.put("cut.bvh", &whole.as_bytes()[..whole.len() / 2]);
     let (missing, left) = (folder.at("missing.bvh"), folder.names());
-    let cases: [(&[&str], i32, &str); 12] = [
+    let cases: [(&[&str], i32, &str); 15] = [
         (&["--motion", "wlak"], 2, "walk"),
         (&["--outfit", "tea"], 2, "tee"),
         (&["--outfit", "tee:demin"], 2, "denim"),
         (&["--fps", "1"], 2, "--fps"),
+        (&["--air=-1"], 2, "--air"),
+        (&["--wind", "0,0"], 2, "--wind"),
+        (&["--wind", "0,0,-300"], 2, "--wind"),
         (&["--start", "100"], 2, "--start"),
         (&["--npz", "a.npy"], 2, "--npz"),
         (&["--body", "smpl"], 2, "anny"),
@@ -251,6 +254,34 @@ fn bad_input_ends_with_its_code_a_hint_and_no_file() {
     assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
     let inside = Path::new(&text).join("w.glb").display().to_string();
     assert_eq!(muslin(&["simulate", "-o", &inside]).status.code(), Some(5));
+}
+
+#[test]
+fn wind_carries_a_skirt_along_and_is_told() {
+    let folder = Folder::new("wind");
+    // Where the hindmost of the cloth is.
+    let back = |name: &str, wind: &str| {
+        let npz = folder.at(name);
+        let out = folder.at("w.glb");
+        let what = [
+            "simulate",
+            "--outfit",
+            "skirt:silk-charmeuse",
+            "--edge",
+            "25",
+        ];
+        let how = ["--motion", "wave", "--seconds", "0.6", "--wind", wind];
+        let done = muslin(&[&what[..], &how, &["--npz", &npz, "-o", &out]].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        let clip = muslin_io::read_clip(Path::new(&npz)).expect("it was written");
+        let last = clip.drape.frames.last().expect("frames");
+        last.iter().map(|p| p.z).fold(f64::INFINITY, f64::min)
+    };
+    let (still, blown) = (back("still.npz", "0,0,0"), back("blown.npz", "0,0,-6"));
+    assert!(still - blown > 0.05, "{still} {blown} m");
+    let report = std::fs::read_to_string(folder.at("w.report.json")).expect("written");
+    assert!(report.contains("\"air_kg_m3\": 1.2"), "{report}");
+    assert!(report.contains("\"wind_m_s\""), "{report}");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use glam::DVec3;
 use muslin_geom::Surface;
 
 use crate::{
+    air::Air,
     carry::Carrier,
     clean,
     cloth::{Cloth, SimError, finite, same},
@@ -22,6 +23,8 @@ use crate::{
 pub struct Options {
     /// Acceleration [m/s²].
     pub gravity: DVec3,
+    /// What moving cloth moves through; cloth that comes to rest feels none.
+    pub air: Air,
     /// Time step [s].
     pub step: f64,
     /// Distance from skin to cloth at which the skin begins to push [m].
@@ -57,6 +60,7 @@ impl Options {
     /// The defaults.
     pub const USUAL: Self = Self {
         gravity: DVec3::new(0.0, -9.81, 0.0),
+        air: Air::NONE,
         step: 1.0 / 30.0,
         gap: 3e-3,
         iterations: 25,

@@ -12,6 +12,7 @@
 //!
 //! Every sum has a fixed order: the same bits on any number of threads.
 
+mod air;
 mod bending;
 mod body;
 mod carry;
@@ -44,6 +45,7 @@ mod testing;
 mod touch;
 mod weave;
 
+pub use air::Air;
 pub use cloth::{Cloth, Material, SimError};
 pub use drape::{Options, drape, drape_while};
 pub use hang::{Hanging, hang};

@@ -5,6 +5,7 @@ use muslin_energy::{contact::Barrier, point};
 use rayon::prelude::*;
 
 use crate::{
+    air::Drag,
     coarse::Factor,
     elastic::{self, Answer},
     matrix::{Effort, Matrix, narrow},
@@ -22,6 +23,8 @@ pub(crate) struct Problem<'a> {
     /// Time step [s] as inertia knows it.
     pub step: f64,
     pub gravity: DVec3,
+    /// The air's part, where there is any.
+    pub drag: Option<&'a Drag>,
     pub touches: &'a [Touch],
     pub pairs: &'a [Pair],
     pub barrier: Barrier,
@@ -60,6 +63,7 @@ impl Problem<'_> {
         point::inertia(x[i], self.target[i], m, self.step).energy
             + point::gravity(x[i] - self.target[i], m, self.gravity).energy
             + 0.5 * bend
+            + self.drag.map_or(0.0, |d| d.at(i, x[i]).energy)
     }
 
     /// The gradient [N] and the matrix at `x`.
@@ -67,7 +71,7 @@ impl Problem<'_> {
         let w = self.weave;
         let answers = elastic::answers(w, x);
         let mut gradient = ordered::map(x.len(), |i| self.own_gradient(&answers, x, i));
-        let mut blocks = self.blocks(&answers);
+        let mut blocks = self.blocks(&answers, x);
         let mut add = |place: u32, h: Mat3A| blocks[place as usize] += h;
         for &(i, t) in self.pins {
             let held = point::pin(x[i as usize], t, self.pin);
@@ -98,10 +102,11 @@ impl Problem<'_> {
             + point::gravity(x[i], m, self.gravity).gradient
             + w.bending.pull(i, x, &w.pattern.near)
             + elastic::gradient(w, answers, i)
+            + self.drag.map_or(DVec3::ZERO, |d| d.at(i, x[i]).gradient)
     }
 
-    /// Blocks of inertia, stretch and bending.
-    fn blocks(&self, answers: &[Answer]) -> Vec<Mat3A> {
+    /// Blocks of inertia, air, stretch and bending.
+    fn blocks(&self, answers: &[Answer], x: &[DVec3]) -> Vec<Mat3A> {
         let (w, near) = (self.weave, &self.weave.pattern.near);
         let n = w.n_verts();
         let mut blocks = vec![Mat3A::ZERO; near.items.len()];
@@ -121,7 +126,10 @@ impl Problem<'_> {
             for i in rows {
                 elastic::add_row(w, answers, (i, first), out);
                 let k = w.mass[i] / (self.step * self.step);
-                out[w.pattern.diagonal[i] as usize - first] = scalar(k);
+                let drag = self
+                    .drag
+                    .map_or(Mat3A::ZERO, |d| narrow(&d.at(i, x[i]).hessian));
+                out[w.pattern.diagonal[i] as usize - first] = scalar(k) + drag;
             }
         });
         blocks
@@ -163,6 +171,7 @@ mod tests {
 
     use super::*;
     use crate::{
+        air::Air,
         cloth::{Cloth, Material},
         near::Near,
         pairs::Rule,
@@ -250,11 +259,17 @@ mod tests {
             verts: [0, 2, 6, 8],
             is_edges: true,
         };
+        let wind = Air {
+            wind: DVec3::new(0.3, -2.0, 1.0),
+            ..Air::STILL
+        };
+        let drag = Drag::new(&weave, &x, &wind, (0.04, 1.0)).expect("there is air");
         let problem = Problem {
             weave: &weave,
             target: &target,
             step: 0.03,
             gravity: DVec3::Y * -9.81,
+            drag: Some(&drag),
             touches: &[touch],
             pairs: &[Pair::at(&near, &x, &rule).expect("closer than the radius")],
             barrier: cloth_barrier,
@@ -298,6 +313,7 @@ mod tests {
             target: x,
             step,
             gravity: DVec3::ZERO,
+            drag: None,
             touches: &[],
             pairs: &[],
             barrier: Barrier {

@@ -6,7 +6,7 @@ mod scenes;
 use std::ops::ControlFlow;
 
 use glam::{DVec2, DVec3};
-use muslin_sim::{CHECKPOINT, Cloth, Moment, Options, State, Walk, simulate};
+use muslin_sim::{Air, CHECKPOINT, Cloth, Moment, Options, State, Walk, simulate};
 use scenes::{capsule, cotton, cut, grid};
 
 /// A level square of cloth, `height` above the origin.
@@ -88,7 +88,7 @@ fn a_run_that_was_stopped_goes_on_to_the_same_bits() {
 }
 
 /// How far a sheet falls in 65 frames of a sixtieth, and in the last of them [m].
-fn falls(second_order: bool) -> [f64; 2] {
+fn falls(second_order: bool, air: Air) -> [f64; 2] {
     let (cloth, start) = sheet(6, 0.0);
     let (ball, faces) = capsule(DVec3::Y * -90.0, DVec3::Y * -89.0, 0.1, 8);
     let at = |_: usize| ball.clone().into();
@@ -105,6 +105,7 @@ fn falls(second_order: bool) -> [f64; 2] {
         first_steps: 0,
         last_steps: 0,
         second_order,
+        air,
         ..Options::default()
     };
     let mut heights = Vec::new();
@@ -122,15 +123,31 @@ fn falls(second_order: bool) -> [f64; 2] {
 fn a_sheet_falls_freely_past_ten_metres_a_second() {
     // Implicit Euler falls by g h² n (n + 1) / 2 in n steps: ahead of g t² / 2 by one part in n.
     let (n, g) = (65.0, 9.81 / 3600.0);
-    let [fallen, last] = falls(false);
+    let [fallen, last] = falls(false, Air::NONE);
     let want = g * n * (n + 1.0) / 2.0;
     assert!((fallen / want - 1.0).abs() < 1e-3, "{fallen} for {want}");
     assert!(last * 60.0 > 10.0, "{last} m in a frame");
     // BDF2 knows parabolas; a first step, Euler's, puts it ahead by three quarters of g h², and where
     // a run may be resumed from, twice on the way, there is another.
-    let [fallen, _] = falls(true);
+    let [fallen, _] = falls(true, Air::NONE);
     let want = g * (n * n / 2.0 + 3.0 * 0.75);
     assert!((fallen / want - 1.0).abs() < 1e-4, "{fallen} for {want}");
+}
+
+#[test]
+fn in_air_a_level_sheet_falls_as_fast_as_its_weight_and_the_wind_say() {
+    // Where ½ ρ C v² is the weight of a square metre: C is 0.6.
+    let weight = cotton().density * 9.81;
+    let speed = (weight / (0.5 * Air::STILL.density * 0.6)).sqrt();
+    for (second_order, up) in [(false, 0.0), (true, 0.0), (false, 3.0)] {
+        let wind = DVec3::Y * up;
+        let [_, last] = falls(second_order, Air { wind, ..Air::STILL });
+        let want = speed - up;
+        assert!(
+            (60.0 * last - want).abs() < 0.01 * speed,
+            "{last} for {want} m/s"
+        );
+    }
 }
 
 /// Speed along the slope [m/s] of a sheet that slid for half a second on a level slab under a

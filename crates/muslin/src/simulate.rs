@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 use muslin_body::{Avatar, Figure};
 use muslin_geom::{Report, Value};
 use muslin_io::Journal;
+use muslin_sim::Air;
 
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
@@ -132,6 +133,13 @@ impl Run<'_, '_> {
         tell::size(&mut self.report, &outfit);
         let mut set = Set::new(avatar, figure, moving, outfit)?;
         set.bdf2 = self.options.bdf2;
+        set.air = Air {
+            density: self.options.air,
+            wind: self.options.wind.into(),
+        };
+        self.report.set("air_kg_m3", self.options.air);
+        let wind = self.options.wind.map(Value::Number).to_vec();
+        self.report.set("wind_m_s", wind);
         set.hero = hero;
         let memory = set.memory();
         if memory / 5 > MOST_BYTES {

@@ -5,6 +5,7 @@ use muslin_energy::{contact::Barrier, point::Scheme};
 
 use super::Stage;
 use crate::{
+    air::{Air, Drag},
     body::Skin,
     cloth::SimError,
     matrix::Effort,
@@ -61,6 +62,7 @@ struct Way {
     target: Vec<DVec3>,
     /// How many times its inertia counts.
     inertia: f64,
+    drag: Option<Drag>,
 }
 
 impl Way {
@@ -90,7 +92,7 @@ impl Stage<'_> {
             if pace.smooth || h < pace.step {
                 (self.kept, self.past) = (None, None);
             }
-            let way = self.way(h, pace.inertia);
+            let way = self.way(h, pace);
             if way.target != way.from {
                 self.go(way.drift());
             }
@@ -105,8 +107,8 @@ impl Stage<'_> {
         Err(SimError::Diverged(self.steps))
     }
 
-    /// How a step of `h` [s] follows from those before, where inertia counts that many times.
-    fn way(&self, h: f64, inertia: f64) -> Way {
+    /// How a step of `h` [s] follows from those before.
+    fn way(&self, h: f64, pace: &Pace) -> Way {
         let from = self.x.clone();
         let past = self.past.as_ref();
         let past = past.filter(|p| self.options.second_order && h < MOST_LONGER * p.step);
@@ -116,11 +118,17 @@ impl Stage<'_> {
         };
         let (x, v) = (&from, &self.v);
         let target = ordered::map(x.len(), |i| scheme.target([x[i], x1[i]], [v[i], v1[i]]));
+        let air = if pace.smooth {
+            Air::NONE
+        } else {
+            self.options.air
+        };
         Way {
             scheme,
             target,
+            drag: Drag::new(self.weave, &from, &air, (h, pace.inertia)),
             from,
-            inertia,
+            inertia: pace.inertia,
         }
     }
 
@@ -295,6 +303,7 @@ impl Stage<'_> {
             target: &way.target,
             step: way.scheme.tau / way.inertia.sqrt(),
             gravity: self.options.gravity,
+            drag: way.drag.as_ref(),
             touches,
             pairs,
             barrier: self.rule(way.scheme.tau).barrier,
@@ -313,6 +322,7 @@ impl Stage<'_> {
             scheme: Scheme::euler(step),
             target: self.x.clone(),
             inertia: 1.0,
+            drag: None,
         };
         let touches = self.touches(way.scheme.tau);
         let pins = self.pin_targets();

@@ -178,6 +178,7 @@ fn led(
     let walk = set.walk(&rest, &at);
     let options = Options {
         iterations: ITERATIONS,
+        air: set.air,
         ..NEARLY_THERE
     };
     let guesses = Guesses {

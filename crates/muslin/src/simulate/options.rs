@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use muslin_sim::Air;
+
 use crate::failure::{Exit, Failure};
 use crate::options::{DressOptions, Wear, within};
 
@@ -22,6 +24,10 @@ pub struct SimulateOptions {
     pub start: f64,
     /// Whether time goes on by BDF2 instead of implicit Euler: more of a swing is kept.
     pub bdf2: bool,
+    /// Density of the air [kg/m³]; 0 for none.
+    pub air: f64,
+    /// How the air moves, in the animation's axes, Y up [m/s].
+    pub wind: [f64; 3],
     /// Go on with an unfinished simulation.
     pub resume: bool,
     /// How garments are written in the animation.
@@ -33,6 +39,10 @@ pub struct SimulateOptions {
     /// Also write point caches, into this folder.
     pub pc2: Option<PathBuf>,
 }
+
+/// What may be asked of the air [kg/m³, m/s]: as far as a hundred times its density, and a hurricane.
+const DENSEST: f64 = 120.0;
+const STORM: f64 = 60.0;
 
 impl Default for SimulateOptions {
     fn default() -> Self {
@@ -47,6 +57,8 @@ impl Default for SimulateOptions {
             seconds: None,
             start: 0.0,
             bdf2: false,
+            air: Air::STILL.density,
+            wind: [0.0; 3],
             resume: false,
             bake: Bake::Frames,
             picture: false,
@@ -63,6 +75,10 @@ impl SimulateOptions {
         within("--fps", "1/s", Some(self.fps), (12.0, 240.0))?;
         within("--seconds", "s", self.seconds, (1.0 / self.fps, 3600.0))?;
         within("--start", "s", Some(self.start), (0.0, 36_000.0))?;
+        within("--air", "kg/m³", Some(self.air), (0.0, DENSEST))?;
+        for speed in self.wind {
+            within("--wind", "m/s", Some(speed), (-STORM, STORM))?;
+        }
         kind("--out", out, "glb")?;
         self.npz
             .as_deref()
@@ -118,6 +134,14 @@ mod tests {
                 ..of()
             }),
             Err("--start".into())
+        );
+        let gale = |wind| check(SimulateOptions { wind, ..of() });
+        assert_eq!(gale([0.0, 0.0, -20.0]), Ok(()));
+        assert_eq!(gale([0.0, f64::NAN, 0.0]), Err("--wind".into()));
+        assert_eq!(gale([90.0, 0.0, 0.0]), Err("--wind".into()));
+        assert_eq!(
+            check(SimulateOptions { air: -1.0, ..of() }),
+            Err("--air".into())
         );
         assert_eq!(
             check(SimulateOptions {

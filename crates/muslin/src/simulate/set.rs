@@ -6,7 +6,7 @@ use muslin_garment::Worn;
 use muslin_geom::Drape;
 use muslin_io::{Clip, sha256};
 use muslin_model::Model;
-use muslin_sim::{Cloth, Frame, Walk};
+use muslin_sim::{Air, Cloth, Frame, Walk};
 
 use crate::brought::dressed;
 use crate::drape::{cloth, put_on};
@@ -38,6 +38,8 @@ pub struct Set<'a> {
     pub start: Vec<DVec3>,
     /// Whether time goes on by BDF2.
     pub bdf2: bool,
+    /// What it moves through.
+    pub air: Air,
     /// Whom the body stands for, if not for itself.
     pub hero: Option<&'a Hero>,
 }
@@ -84,6 +86,7 @@ impl<'a> Set<'a> {
             moving,
             outfit,
             bdf2: false,
+            air: Air::STILL,
             hero: None,
         }
     }
@@ -234,6 +237,16 @@ impl<'a> Set<'a> {
             ),
             ("clothes", sha256(clothes.concat().as_bytes())),
             ("time", if self.bdf2 { "BDF2" } else { "Euler" }.to_owned()),
+            (
+                "air",
+                hash(
+                    self.air
+                        .wind
+                        .to_array()
+                        .into_iter()
+                        .chain([self.air.density]),
+                ),
+            ),
         ]
     }
 }

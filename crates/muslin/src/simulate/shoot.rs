@@ -42,6 +42,7 @@ pub fn shoot(set: &Set, (part, resume): (&Path, bool), watch: &mut Watch) -> Res
     let start = (set.start.as_slice(), state.as_ref());
     let options = Options {
         second_order: set.bdf2,
+        air: set.air,
         ..Options::default()
     };
     let how = (&walk, &options, &may_go_on as _);

@@ -100,6 +100,9 @@ fn other_inputs_are_refused_by_name() {
         fault.what.contains("another motion and another clothes"),
         "{fault}"
     );
+    set.air.wind.y += 0.1;
+    let fault = shoot(&set, (&part.0, true), &mut Watch::nobody()).expect_err("others");
+    assert!(fault.what.contains("another air"), "{fault}");
 }
 
 #[test]
