@@ -8,42 +8,53 @@
 use glam::DVec3;
 use muslin_energy::strain;
 
-use crate::{ordered, weave::Weave};
+use crate::{ordered, touch::Touch, weave::Weave};
 
-/// What a face may be beyond its limit before anything slips; it is drawn back to the limit.
+/// What a face may be beyond its limit before anything slips, and what is left of that.
 const BEYOND: f64 = 5e-3;
-/// Sweeps over what is beyond, and what is around it.
-const SWEEPS: usize = 30;
+const LEFT: f64 = 5e-4;
+/// Sweeps over what is beyond, and what is around it: along a fold of the body slack comes from afar.
+const SWEEPS: usize = 300;
 
 /// How cloth slips from `x` [m], so that less of it is beyond its limit; none where nothing is.
-/// What holds a vertex to the skin gives way as well: skin stretches by more than a waistband does.
-pub(crate) fn moves(weave: &Weave, x: &[DVec3]) -> Option<Vec<DVec3>> {
+/// What holds a vertex to the skin gives way as well: skin stretches by more than a waistband does. But into the skin
+/// nothing slips: what spans a fold of the body goes along it.
+pub(crate) fn moves(weave: &Weave, x: &[DVec3], touches: &[Touch]) -> Option<Vec<DVec3>> {
     let is_beyond = |f: usize| beyond(weave, x, f).is_some_and(|b| b.0 > BEYOND);
-    let mut asked = ordered::map(weave.faces.len(), is_beyond);
-    if !asked.contains(&true) {
+    let mut known = ordered::map(weave.faces.len(), is_beyond);
+    let mut asked: Vec<usize> = (0..known.len()).filter(|f| known[*f]).collect();
+    if asked.is_empty() {
         return None;
     }
     let mut at = x.to_vec();
+    let mut touching = vec![None; x.len()];
+    for touch in touches.iter().filter(|t| t.face.is_none()) {
+        touching[touch.verts[0] as usize] = Some(touch);
+    }
     for _ in 0..SWEEPS {
         let mut moved = Vec::new();
-        for f in (0..asked.len()).filter(|f| asked[*f]) {
-            let Some((over, pull)) = beyond(weave, &at, f).filter(|b| b.0 > 0.0) else {
+        for &f in &asked {
+            let Some((over, pull)) = beyond(weave, &at, f).filter(|b| b.0 > LEFT) else {
                 continue;
             };
             let size: f64 = pull.iter().map(|p| p.length_squared()).sum();
             for (v, pull) in weave.faces[f].into_iter().zip(pull) {
-                at[v as usize] -= pull * (over / size);
-                moved.push(v as usize);
+                let v = v as usize;
+                let to = at[v] - pull * (over / size);
+                at[v] = to + touching[v].map_or(DVec3::ZERO, |t: &Touch| t.lift(x[v], to));
+                moved.push(v);
             }
         }
         if moved.is_empty() {
             break;
         }
-        for v in moved {
-            for corner in weave.pattern.corners.row(v) {
-                asked[*corner as usize / 3] = true;
-            }
-        }
+        let around = moved.iter().flat_map(|v| weave.pattern.corners.row(*v));
+        asked.extend(
+            around
+                .map(|corner| *corner as usize / 3)
+                .filter(|f| !std::mem::replace(&mut known[*f], true)),
+        );
+        asked.sort_unstable();
     }
     Some(at.iter().zip(x).map(|(to, from)| *to - *from).collect())
 }
@@ -69,6 +80,8 @@ fn beyond(weave: &Weave, x: &[DVec3], f: usize) -> Option<(f64, [DVec3; 3])> {
 
 #[cfg(test)]
 mod tests {
+    use muslin_energy::contact::Barrier;
+
     use super::*;
     use crate::{quality, testing::sheets};
 
@@ -78,10 +91,10 @@ mod tests {
         cloth.materials[0].limit = Some(0.05);
         let weave = Weave::new(&cloth).expect("a valid cloth");
         let mut x: Vec<DVec3> = flat.iter().map(|p| *p * 0.99).collect();
-        assert_eq!(moves(&weave, &x), None);
+        assert_eq!(moves(&weave, &x, &[]), None);
         x[66].z += 5e-3;
         assert!(quality::excess(&weave, &x) > 0.05);
-        let moves = moves(&weave, &x).expect("it is far beyond its limit");
+        let moves = moves(&weave, &x, &[]).expect("it is far beyond its limit");
         let slipped: Vec<DVec3> = x.iter().zip(&moves).map(|(x, m)| *x + *m).collect();
         let left = quality::excess(&weave, &slipped);
         assert!(left < BEYOND, "{left}");
@@ -89,5 +102,36 @@ mod tests {
         assert_eq!(moves[0], DVec3::ZERO);
         assert!(moves.iter().all(|m| m.length() < 5e-3));
         assert!(moves.iter().sum::<DVec3>().length() < 1e-12);
+    }
+
+    #[test]
+    fn what_skin_holds_up_stays_and_the_cloth_around_it_comes() {
+        let (mut cloth, flat) = sheets(0.1);
+        cloth.materials[0].limit = Some(0.05);
+        let weave = Weave::new(&cloth).expect("a valid cloth");
+        let mut x: Vec<DVec3> = flat.iter().map(|p| *p * 0.99).collect();
+        x[66].z += 5e-3;
+        let barrier = Barrier {
+            radius: 3e-3,
+            width: 1e-3,
+            stiffness: 400.0,
+        };
+        let on_skin = Touch {
+            verts: [66; 3],
+            weights: [1.0, 0.0, 0.0],
+            face: None,
+            skin: x[66] - DVec3::Z * 1e-3,
+            normal: DVec3::Z,
+            stuck: x[66],
+            barrier,
+            grip: 0.0,
+            stick: 1e-4,
+        };
+        let moves = moves(&weave, &x, &[on_skin]).expect("it is far beyond its limit");
+        let slipped: Vec<DVec3> = x.iter().zip(&moves).map(|(x, m)| *x + *m).collect();
+        let left = quality::excess(&weave, &slipped);
+        assert!(left < BEYOND, "{left}");
+        assert!(moves[66].z > -1e-9, "{}", moves[66]);
+        assert!(moves.iter().all(|m| m.length() < 5e-3));
     }
 }

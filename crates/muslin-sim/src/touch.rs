@@ -39,6 +39,17 @@ impl Touch {
         (self.point(x) - self.skin).dot(self.normal)
     }
 
+    /// What a vertex that goes from one place [m] to another lacks of half its gap, if it comes from outside the skin.
+    pub fn lift(&self, from: DVec3, to: DVec3) -> DVec3 {
+        let gap = (from - self.skin).dot(self.normal);
+        let least = gap.min(0.5 * self.barrier.radius);
+        let short = least - (to - self.skin).dot(self.normal);
+        match gap > 0.0 && short > 0.0 {
+            true => self.normal * short,
+            false => DVec3::ZERO,
+        }
+    }
+
     /// Energy, force and stiffness at the touching point.
     pub fn answer(&self, x: &[DVec3]) -> AtPoint {
         let p = self.point(x);
@@ -124,11 +135,6 @@ pub(crate) fn add(
 pub(crate) fn keep_out(touches: &[Touch], x: &[DVec3], moves: &mut [DVec3]) {
     for touch in touches.iter().filter(|t| t.face.is_none()) {
         let i = touch.verts[0] as usize;
-        let gap = touch.gap(x);
-        let least = gap.min(0.5 * touch.barrier.radius);
-        let short = least - (gap + moves[i].dot(touch.normal));
-        if gap > 0.0 && short > 0.0 {
-            moves[i] += touch.normal * short;
-        }
+        moves[i] += touch.lift(x[i], x[i] + moves[i]);
     }
 }

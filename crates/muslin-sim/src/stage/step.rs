@@ -14,7 +14,7 @@ use crate::{
     pairs::{Pair, Rule},
     pattern::Rows,
     quality, slip,
-    touch::{self, Touch},
+    touch::Touch,
 };
 
 /// How a step goes.
@@ -176,10 +176,9 @@ impl Stage<'_> {
     fn slip(&mut self, touches: &[Touch]) {
         // Where pieces of cloth are in each other's way, a move goes only a part of its way.
         for _ in 0..SLIPS {
-            let Some(mut moves) = slip::moves(self.weave, &self.x) else {
+            let Some(moves) = slip::moves(self.weave, &self.x, touches) else {
                 break;
             };
-            touch::keep_out(touches, &self.x, &mut moves);
             self.go(moves);
         }
     }
@@ -401,7 +400,7 @@ const BEYOND: f64 = 0.008;
 /// triangle is always beyond.
 const LOWERED: f64 = 0.75;
 /// How often cloth slips in a step at most.
-const SLIPS: usize = 8;
+const SLIPS: usize = 24;
 /// So does a correction of so much [m]: what is left of it is lost motion.
 const LED_FAR: f64 = 1e-3;
 /// A correction of so much asks where the skin is now [m].
