@@ -24,7 +24,7 @@ use crate::{
 };
 
 /// Vertices that a triangle's curvature depends on.
-const N: usize = 6;
+const VERTS: usize = 6;
 /// A triangle smaller than this share of its neighbours' mean counts as so large.
 const SLIVER: f64 = 0.25;
 /// What uneven triangles may be taken to overstate at least and at most.
@@ -34,7 +34,7 @@ const EXCESS: [f64; 2] = [0.5, 3.0];
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plate {
     /// `Q` of `E = ½ ΣΣ Qᵢⱼ xᵢ·xⱼ` [N/m]; symmetric, never indefinite, rows sum to zero.
-    pub matrix: [[f64; N]; N],
+    pub matrix: [[f64; VERTS]; VERTS],
 }
 
 /// Of every triangle of a mesh: its vertices, those across its edges in the order of the edges, and
@@ -47,7 +47,7 @@ pub fn plates(
     faces: &[[u32; 3]],
     rest: &[[DVec2; 3]],
     bend: impl Fn(usize) -> Bend,
-) -> Vec<([u32; N], Plate)> {
+) -> Vec<([u32; VERTS], Plate)> {
     let hinges = stencils(faces);
     let mut edges = vec![[None; 3]; faces.len()];
     for (h, stencil) in hinges.iter().enumerate() {
@@ -75,7 +75,7 @@ pub fn entries(
     rest: &[[DVec2; 3]],
     bend: impl Fn(usize) -> Bend,
 ) -> Vec<(u32, u32, f64)> {
-    let mut out = Vec::with_capacity(N * N * faces.len());
+    let mut out = Vec::with_capacity(VERTS * VERTS * faces.len());
     for (verts, plate) in plates(faces, rest, bend) {
         for (i, row) in verts.iter().zip(plate.matrix) {
             let entered = verts.iter().zip(row).filter(|(_, q)| *q != 0.0);
@@ -95,15 +95,15 @@ fn softer(a: Bend, b: Bend) -> Bend {
 
 /// A triangle among its neighbours, before it has a fabric.
 struct Triangle {
-    verts: [u32; N],
+    verts: [u32; VERTS],
     /// The face across each edge.
     around: [Option<u32>; 3],
     /// `K` of the fold along each edge; zeros at a rim.
-    folds: [[f64; N]; 3],
+    folds: [[f64; VERTS]; 3],
     /// `n⊗n` of each edge: weft, warp and mixed.
     across: [DVec3; 3],
     /// The material points of all vertices in the triangle's own plane [m].
-    points: [DVec2; N],
+    points: [DVec2; VERTS],
     area: f64,
     /// The area that its curvature is spread over: more than its own if it is a sliver.
     spread: f64,
@@ -124,7 +124,7 @@ impl Triangle {
         let mut t = Triangle {
             verts: [a, b, c, a, a, a],
             around: [None; 3],
-            folds: [[0.0; N]; 3],
+            folds: [[0.0; VERTS]; 3],
             across: [0, 1, 2].map(|i| tensor((own[(i + 1) % 3] - own[i]).perp())),
             points: [own[0], own[1], own[2], own[0], own[0], own[0]],
             area: area(&own),
@@ -163,7 +163,7 @@ impl Triangle {
                 0.5 * along * along
             });
             let curved = (self.folds.iter().zip(&self.across))
-                .map(|(k, n)| *n * (0..N).map(|v| k[v] * height[v]).sum::<f64>())
+                .map(|(k, n)| *n * (0..VERTS).map(|v| k[v] * height[v]).sum::<f64>())
                 .sum::<DVec3>();
             sum += (curved * curved).dot(DVec3::new(1.0, 1.0, 2.0)) / (4.0 * self.spread);
         }
@@ -171,14 +171,14 @@ impl Triangle {
     }
 
     fn plate(&self, bend: &Bend, excess: f64) -> Plate {
-        let mut matrix = [[0.0; N]; N];
+        let mut matrix = [[0.0; VERTS]; VERTS];
         if self.area > 0.0 {
             let law = self.resists(bend);
             for (k, n) in self.folds.iter().zip(&self.across) {
                 for (l, m) in self.folds.iter().zip(&self.across) {
                     let c = n.dot(law * *m) / (4.0 * self.spread * excess);
-                    for i in 0..N {
-                        (0..N).for_each(|j| matrix[i][j] += c * k[i] * l[j]);
+                    for i in 0..VERTS {
+                        (0..VERTS).for_each(|j| matrix[i][j] += c * k[i] * l[j]);
                     }
                 }
             }
@@ -272,25 +272,25 @@ fn unfolded(own: &[DVec2; 3], i: usize, theirs: &[DVec2; 3]) -> DVec2 {
 
 /// Energy [J] of a plate at `x` [m].
 #[inline]
-pub fn energy(x: &[DVec3; N], rest: &Plate) -> f64 {
+pub fn energy(x: &[DVec3; VERTS], rest: &Plate) -> f64 {
     gradient(x, rest).0
 }
 
 /// Energy [J] and gradient [N] of a plate at `x` [m], on differences so that none are lost far from
 /// the origin.
 #[inline]
-pub fn gradient(x: &[DVec3; N], rest: &Plate) -> (f64, [DVec3; N]) {
+pub fn gradient(x: &[DVec3; VERTS], rest: &Plate) -> (f64, [DVec3; VERTS]) {
     let d = x.map(|p| p - x[0]);
     let pull = rest
         .matrix
-        .map(|row| (0..N).map(|j| d[j] * row[j]).sum::<DVec3>());
-    let energy = 0.5 * (0..N).map(|i| d[i].dot(pull[i])).sum::<f64>();
+        .map(|row| (0..VERTS).map(|j| d[j] * row[j]).sum::<DVec3>());
+    let energy = 0.5 * (0..VERTS).map(|i| d[i].dot(pull[i])).sum::<f64>();
     (energy, pull)
 }
 
 /// Energy, gradient and the constant Hessian `Qᵢⱼ I`, exact.
 #[inline]
-pub fn hessian(x: &[DVec3; N], rest: &Plate) -> Local<N> {
+pub fn hessian(x: &[DVec3; VERTS], rest: &Plate) -> Local<VERTS> {
     let (energy, gradient) = gradient(x, rest);
     let of = |q: f64| DMat3::from_diagonal(DVec3::splat(q));
     Local {
