@@ -229,8 +229,8 @@ pub struct Simulate {
     #[arg(long, default_value_t = SimulateOptions::default().air)]
     pub air: f64,
     /// Wind [m/s], in the animation's axes, Y up: --wind 0,0,-6 blows into the face of who looks along Z.
-    #[arg(long, value_name = "X,Y,Z", value_parser = wind, allow_hyphen_values = true, default_value = "0,0,0")]
-    pub wind: Wind,
+    #[arg(long, value_name = "X,Y,Z", value_parser = vector, allow_hyphen_values = true, default_value = "0,0,0")]
+    pub wind: [f64; 3],
     /// Go on with a simulation that was stopped.
     #[arg(long)]
     pub resume: bool,
@@ -582,7 +582,7 @@ impl Simulate {
             fps: self.fps,
             bdf2: self.bdf2,
             air: self.air,
-            wind: self.wind.0,
+            wind: self.wind,
             resume: self.resume,
             npz: self.npz.clone(),
             pc2: self.pc2.clone(),
@@ -746,17 +746,11 @@ impl Wearing {
     }
 }
 
-/// A velocity of the air [m/s].
-#[derive(Clone, Copy, Debug)]
-pub struct Wind(pub [f64; 3]);
-
 /// Three numbers with commas between them.
-fn wind(text: &str) -> Result<Wind, String> {
+fn vector(text: &str) -> Result<[f64; 3], String> {
     let parts: Result<Vec<f64>, _> = text.split(',').map(|p| p.trim().parse()).collect();
-    let three = parts.ok().and_then(|p| <[f64; 3]>::try_from(p).ok());
-    three
-        .map(Wind)
-        .ok_or_else(|| "three numbers with commas between, as in 0,0,-6".to_owned())
+    let three = parts.ok().and_then(|p| p.try_into().ok());
+    three.ok_or_else(|| "three numbers with commas between, as in 0,0,-6".to_owned())
 }
 
 fn person(text: &str) -> Result<Person, String> {

@@ -22,29 +22,38 @@ impl FlatHinge {
     ///
     /// A face without area gives a hinge without stiffness.
     pub fn new(faces: [[DVec2; 3]; 2], bend: &Bend) -> Self {
-        let mut weights = [0.0; 4];
-        let (mut area, mut stiffness, mut thin) = (0.0, 0.0, false);
-        for (side, [p, q, r]) in faces.into_iter().enumerate() {
-            let (at_p, at_q) = (cotangent(q - p, r - p), cotangent(p - q, r - q));
-            let (a, b) = if side == 0 { (0, 1) } else { (1, 0) };
-            weights[a] += at_q;
-            weights[b] += at_p;
-            weights[2 + side] = -(at_p + at_q);
-            area += 0.5 * (q - p).perp_dot(r - p).abs();
-            stiffness += 0.5 * bend.along((q - p).perp());
-            thin |= !(at_p + at_q).is_finite();
-        }
-        if thin || area == 0.0 {
+        let Some(weights) = weights(faces) else {
             return Self {
                 weights: [0.0; 4],
                 stiffness: 0.0,
             };
+        };
+        let (mut area, mut stiffness) = (0.0, 0.0);
+        for [p, q, r] in faces {
+            area += 0.5 * (q - p).perp_dot(r - p).abs();
+            stiffness += 0.5 * bend.along((q - p).perp());
         }
         Self {
             weights,
             stiffness: stiffness / area,
         }
     }
+}
+
+/// The weights `Kᵢ` of a fold between two faces; none if one of them has no area.
+pub(crate) fn weights(faces: [[DVec2; 3]; 2]) -> Option<[f64; 4]> {
+    let mut weights = [0.0; 4];
+    for (side, [p, q, r]) in faces.into_iter().enumerate() {
+        let (at_p, at_q) = (cotangent(q - p, r - p), cotangent(p - q, r - q));
+        let (a, b) = if side == 0 { (0, 1) } else { (1, 0) };
+        weights[a] += at_q;
+        weights[b] += at_p;
+        weights[2 + side] = -(at_p + at_q);
+        if !(at_p + at_q).is_finite() {
+            return None;
+        }
+    }
+    Some(weights)
 }
 
 /// Cotangent of the angle between two sides; infinite or not a number if they are parallel.

@@ -17,8 +17,7 @@
 use glam::{DMat2, DMat3, DVec2, DVec3};
 
 use crate::{
-    Local,
-    flat::FlatHinge,
+    Local, flat,
     hinge::{Bend, Stencil, stencils},
     outer,
 };
@@ -49,6 +48,8 @@ pub fn plates(
     bend: impl Fn(usize) -> Bend,
 ) -> Vec<([u32; VERTS], Plate)> {
     let hinges = stencils(faces);
+    let weights = |s: &Stencil| flat::weights(s.corners(rest)).unwrap_or_default();
+    let folds: Vec<[f64; 4]> = hinges.iter().map(weights).collect();
     let mut edges = vec![[None; 3]; faces.len()];
     for (h, stencil) in hinges.iter().enumerate() {
         for side in 0..2 {
@@ -56,7 +57,7 @@ pub fn plates(
         }
     }
     let cut = |(f, edges): (usize, &[Option<(usize, usize)>; 3])| {
-        let around = edges.map(|e| e.map(|(h, side)| (&hinges[h], side)));
+        let around = edges.map(|e| e.map(|(h, side)| (&hinges[h], &folds[h], side)));
         Triangle::new(f, faces[f], rest, around)
     };
     let triangles: Vec<Triangle> = edges.iter().enumerate().map(cut).collect();
@@ -114,13 +115,9 @@ impl Triangle {
         f: usize,
         [a, b, c]: [u32; 3],
         rest: &[[DVec2; 3]],
-        edges: [Option<(&Stencil, usize)>; 3],
+        edges: [Option<(&Stencil, &[f64; 4], usize)>; 3],
     ) -> Self {
         let own = rest[f];
-        let unit = Bend {
-            warp: 1.0,
-            weft: 1.0,
-        };
         let mut t = Triangle {
             verts: [a, b, c, a, a, a],
             around: [None; 3],
@@ -132,10 +129,9 @@ impl Triangle {
         };
         let mut others = Vec::with_capacity(3);
         for (i, edge) in edges.into_iter().enumerate() {
-            let Some((stencil, side)) = edge else {
+            let Some((stencil, weights, side)) = edge else {
                 continue;
             };
-            let weights = FlatHinge::new(stencil.corners(rest), &unit).weights;
             // The second face's edge runs from b to a.
             let order = [[0, 1, 2, 3], [1, 0, 3, 2]][side];
             let places = [i, (i + 1) % 3, (i + 2) % 3, 3 + i];

@@ -1,33 +1,18 @@
 //! The laws on a hinge: the angle form and the flat one, each on more than a thousand states.
 
-use glam::{DMat2, DVec2, DVec3};
-use muslin_energy::check::{self, Rng, Scale, Tally};
-use muslin_energy::flat::{self, FlatHinge};
-use muslin_energy::hinge::{self, Bend, RestHinge};
-use muslin_energy::{Local, outer};
+mod patch;
 
-const STATES: usize = 1200;
-const DENIM: Bend = Bend {
-    warp: 6e-5,
-    weft: 4e-5,
-};
-/// Below a picojoule and a nanonewton nothing happens to a hinge of 12 mm.
-const NOTHING: Scale = Scale {
-    energy: 1e-12,
-    force: 1e-9,
-};
+use glam::{DMat2, DVec2, DVec3};
+use muslin_energy::check::{self, Rng, Tally};
+use muslin_energy::flat::{self, FlatHinge};
+use muslin_energy::hinge::{self, RestHinge};
+use muslin_energy::{Local, outer};
+use patch::{DENIM, NOTHING, STATES, tall};
 
 /// A hinge as cut, flat and 12 mm or so wide; one in four has a sliver for a face.
 fn cut(rng: &mut Rng) -> [DVec2; 4] {
     let size = rng.scale(0.004, 0.03);
-    let mut height = || {
-        if rng.between(0.0, 1.0) < 0.15 {
-            rng.scale(2e-3, 0.1)
-        } else {
-            rng.between(0.4, 1.2)
-        }
-    };
-    let (up, down) = (height(), height());
+    let (up, down) = (tall(rng), tall(rng));
     let (c, d) = (rng.between(-0.2, 1.2), rng.between(-0.2, 1.2));
     let turn = DMat2::from_angle(rng.between(-3.0, 3.0));
     [

@@ -1,35 +1,21 @@
 //! Bending by whole triangles: the law's suite on a thousand patches, and what cloth of any cut reads.
 
+mod patch;
+
 use glam::{DMat2, DVec2, DVec3};
 use muslin_energy::Local;
-use muslin_energy::check::{self, Rng, Scale};
+use muslin_energy::check::{self, Rng};
 use muslin_energy::hinge::Bend;
 use muslin_energy::plate::{self, Plate};
+use patch::{DENIM, NOTHING, STATES, tall};
 
-const STATES: usize = 1200;
-const DENIM: Bend = Bend {
-    warp: 6e-5,
-    weft: 4e-5,
-};
-/// Below a picojoule and a nanonewton nothing happens to a patch of 12 mm.
-const NOTHING: Scale = Scale {
-    energy: 1e-12,
-    force: 1e-9,
-};
 /// A triangle and its three neighbours.
 const STAR: [[u32; 3]; 4] = [[0, 1, 2], [1, 0, 3], [2, 1, 4], [0, 2, 5]];
 
 /// Corners of [`STAR`] as cut, 12 mm or so wide; one height in seven is a sliver's.
 fn cut(rng: &mut Rng) -> [DVec2; 6] {
     let size = rng.scale(0.004, 0.03);
-    let mut height = || {
-        if rng.between(0.0, 1.0) < 0.15 {
-            rng.scale(2e-3, 0.1)
-        } else {
-            rng.between(0.4, 1.2)
-        }
-    };
-    let heights = [(); 4].map(|()| height());
+    let heights = [(); 4].map(|()| tall(rng));
     let own = [
         DVec2::ZERO,
         DVec2::X,

@@ -4,7 +4,7 @@
 //! and the path of a body's vertices, and gives the cloth at rest on the last of them. It knows no
 //! rig, no recipe and no file.
 //!
-//! Each step minimises inertia, stretch, bending, weight and contact by Newton's method: the
+//! Each step minimises inertia, stretch, bending, weight, contact and, where cloth moves, air by Newton's method: the
 //! matrix is assembled, solved by conjugate gradients with inverted diagonal blocks, and the
 //! result is moved along only as far as cloth does not pass through cloth. Steps start from where
 //! the cloth already moves, without gravity, so that a settled state is a fixed point however few
