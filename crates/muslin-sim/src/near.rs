@@ -13,7 +13,7 @@ use muslin_geom::{
 use rayon::prelude::*;
 
 use crate::{
-    fan, ordered,
+    ordered,
     region::{gap, shift},
     safe::make_safe,
     weave::Weave,
@@ -312,7 +312,9 @@ impl<'a> Scene<'a> {
             regions: numbers
                 .map(|r| asked.1[r].then(|| faces(r)).flatten())
                 .collect(),
-            open: fan::open(weave, (&at, &ways), (room, &asked.0)),
+            open: weave
+                .fans
+                .open((&at, &ways), (room, &asked.0), &weave.pattern.near),
             at,
             verts,
             weave,

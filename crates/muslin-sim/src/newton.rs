@@ -135,30 +135,44 @@ impl Problem<'_> {
         blocks
     }
 
-    /// A displacement from `x`, where the energy may be known [J], that lowers it [m]; none if nothing
+    /// A displacement from `x`, where the energy may be known [J], that lowers it; none if nothing
     /// finite was found. `kept`: see [`crate::coarse::Far::new`].
     pub fn descend(
         &self,
         (x, energy): (&[DVec3], Option<f64>),
         effort: &Effort<'_>,
         kept: &mut Option<Factor>,
-    ) -> Option<Vec<DVec3>> {
+    ) -> Option<Descent> {
         let (gradient, matrix) = self.assemble(x);
         let down: Vec<DVec3> = gradient.iter().map(|g| -*g).collect();
         let (mut moves, _) = matrix.solve(&down, effort, kept);
         let first = energy.unwrap_or_else(|| self.energy(x));
-        for _ in 0..HALVINGS {
+        // Conjugate gradients end where the model falls by half of what its slope says.
+        let work = ordered::sum(x.len(), |range| range.map(|i| down[i].dot(moves[i])).sum());
+        for halved in 0..HALVINGS {
             touch::keep_out(self.touches, x, &mut moves);
             let there: Vec<DVec3> = x.iter().zip(&moves).map(|(x, m)| *x + *m).collect();
             let energy = self.energy(&there);
             // A rise within rounding of the sum is no rise.
             if energy <= first + 1e-12 * first.abs() {
-                return Some(moves);
+                let fell = (halved == 0).then(|| 2.0 * (first - energy) / work);
+                return Some(Descent { moves, fell });
             }
             moves.iter_mut().for_each(|m| *m *= 0.5);
         }
-        moves.iter().all(|m| m.is_finite()).then_some(moves)
+        let fell = None;
+        let is_finite = moves.iter().all(|m| m.is_finite());
+        is_finite.then_some(Descent { moves, fell })
     }
+}
+
+/// A Newton step.
+pub(crate) struct Descent {
+    /// Where it leads [m].
+    pub moves: Vec<DVec3>,
+    /// By how much the energy fell, as a share of what its gradient and matrix promised; none where the step had to
+    /// be made shorter.
+    pub fell: Option<f64>,
 }
 
 /// Steps are halved this often; a step of a sixteenth is taken whatever the energy says.
@@ -297,9 +311,36 @@ mod tests {
         };
         let moves = problem
             .descend((&x, None), &effort, &mut None)
-            .expect("finite");
+            .expect("finite")
+            .moves;
         let there: Vec<DVec3> = x.iter().zip(&moves).map(|(x, m)| *x + *m).collect();
         assert!(problem.energy(&there) < problem.energy(&x));
+    }
+
+    #[test]
+    fn the_energy_falls_by_what_was_promised_where_laws_are_straight_and_else_it_is_told() {
+        let (cloth, x) = long_sheet();
+        let weave = Weave::new(&cloth).expect("a valid cloth");
+        let effort = Effort {
+            iterations: 500,
+            handles: None,
+            tolerance: 1e-6,
+        };
+        // The sheet is pulled down by its hem, or turned about its upper edge, where yarns turn as well.
+        let fell = |by: f64, way: fn(&DVec3) -> DVec3| {
+            let target: Vec<DVec3> = x.iter().map(|p| *p + way(p) * by).collect();
+            let problem = Problem {
+                target: &target,
+                ..untouched(&weave, &x, (0.02, &[]))
+            };
+            let descent = problem.descend((&x, None), &effort, &mut None);
+            descent.expect("finite").fell
+        };
+        let longer = |p: &DVec3| DVec3::Y * p.y;
+        let swung = |p: &DVec3| DVec3::Z * p.y;
+        let little = fell(1e-4, longer).expect("a whole step");
+        assert!((little - 1.0).abs() < 2e-3, "{little}");
+        assert!(fell(1.0, swung).is_none_or(|share| (share - 1.0).abs() > 0.05));
     }
 
     /// Cloth that starts from `x` [m] and meets nothing, in a step of `step` [s].

@@ -6,6 +6,7 @@ use muslin_energy::{RestTriangle, membrane::Stretch, strain::StrainLimit};
 use crate::{
     bending::Bending,
     cloth::{Cloth, SimError},
+    fan::Fans,
     pattern::Pattern,
     region::Regions,
 };
@@ -29,6 +30,7 @@ pub(crate) struct Weave {
     pub friction: Vec<f64>,
     pub pattern: Pattern,
     pub regions: Regions,
+    pub fans: Fans,
     pub bending: Bending,
     /// Edges, smaller vertex first.
     pub edges: Vec<[u32; 2]>,
@@ -64,6 +66,7 @@ impl Weave {
             bending,
             radius: radius(cloth),
             regions,
+            fans: Fans::new(&pattern.corners, &cloth.faces),
             pattern,
             edges,
             owned,

@@ -9,7 +9,7 @@ use crate::{
     body::Skin,
     cloth::SimError,
     matrix::Effort,
-    newton::Problem,
+    newton::{Descent, Problem},
     ordered,
     pairs::{Pair, Rule},
     pattern::Rows,
@@ -71,6 +71,16 @@ impl Way {
         let both = self.target.iter().zip(&self.from);
         both.map(|(t, x)| *t - *x).collect()
     }
+}
+
+/// What a Newton step did.
+struct Led {
+    /// How far it led 98 % of the vertices at most [m].
+    most: f64,
+    /// How far the one that it led farthest [m].
+    farthest: f64,
+    /// Whether the energy fell as its matrix said, so that another has nothing to mend.
+    as_promised: bool,
 }
 
 /// What a step met of the body.
@@ -142,25 +152,27 @@ impl Stage<'_> {
         let first = self.touches(tau);
         let (pairs, energy) = self.start(way, &first);
         let mut from = self.x.clone();
-        let mut led = self.correct((way, pace), (&first, &pairs), energy)?;
+        let mut led = self.correct((way, pace), (&first, &pairs), (energy, CLOSE))?;
         let mut pressed = self.pressure(&first, &from);
         let mut last = f64::INFINITY;
         let mut again = None;
         for _ in 1..pace.rounds {
-            let far = !pace.smooth && led[0] > LED_FAR;
             let beyond = quality::excess(self.weave, &self.x);
+            let done = led.as_promised && beyond < BEYOND;
+            let far = !pace.smooth && led.most > LED_FAR && !done;
             if !far && (beyond < BEYOND || beyond > LOWERED * last) {
                 break;
             }
             last = beyond;
             // Where nobody went far, the skin is where it was seen.
-            if pace.smooth || led[1] > TURNED {
+            if pace.smooth || led.farthest > TURNED {
                 again = Some(self.touches(tau));
             }
             let pairs = self.pairs(&self.rule(tau));
             let touches = again.as_ref().unwrap_or(&first);
             from.clone_from(&self.x);
-            led = self.correct((way, pace), (touches, &pairs), None)?;
+            let tolerance = if far { CLOSE } else { LOOSE };
+            led = self.correct((way, pace), (touches, &pairs), (None, tolerance))?;
             pressed = self.pressure(touches, &from);
         }
         if !pace.smooth {
@@ -192,19 +204,22 @@ impl Stage<'_> {
         pressed
     }
 
-    /// One Newton step; how far it led 98 % of the vertices at most, and how far the one that it led
-    /// farthest [m]. `energy`: where it begins [J], if that is known.
+    /// One Newton step. `known`: the energy where it begins [J], if that is; and what it should reach.
     fn correct(
         &mut self,
         on: (&Way, &Pace),
         met: (&[Touch], &[Pair]),
-        energy: Option<f64>,
-    ) -> Option<[f64; 2]> {
-        let moves = self.solve(on, met, energy)?;
+        known: (Option<f64>, f64),
+    ) -> Option<Led> {
+        let Descent { moves, fell } = self.solve(on, met, known)?;
         let mut lengths: Vec<f64> = moves.iter().map(|m| m.length()).collect();
-        let led = [0.98, 1.0].map(|share| quality::percentile(&mut lengths, share));
+        let [most, farthest] = [0.98, 1.0].map(|share| quality::percentile(&mut lengths, share));
         self.go(moves);
-        Some(led)
+        Some(Led {
+            most,
+            farthest,
+            as_promised: fell.is_some_and(|share| (share - 1.0).abs() < PROMISED),
+        })
     }
 
     fn finish_step(&mut self, (way, met): (Way, Met), h: f64, pace: &Pace) {
@@ -268,28 +283,28 @@ impl Stage<'_> {
         (self.pairs(&rule), None)
     }
 
-    /// The moves of a Newton step [m].
+    /// A Newton step from where the cloth is.
     fn solve(
         &mut self,
         (way, pace): (&Way, &Pace),
         (touches, pairs): (&[Touch], &[Pair]),
-        energy: Option<f64>,
-    ) -> Option<Vec<DVec3>> {
+        (energy, tolerance): (Option<f64>, f64),
+    ) -> Option<Descent> {
         let pins = self.pin_targets();
         let mut kept = self.kept.take();
         let problem = self.problem(way, (touches, pairs, &pins));
         let (iterations, tolerance) = match pace.smooth {
             true => (self.options.iterations, 1e-3),
-            false => (ITERATIONS, LOOSE),
+            false => (ITERATIONS, tolerance),
         };
         let effort = Effort {
             iterations,
             handles: self.handles.as_ref(),
             tolerance,
         };
-        let moves = problem.descend((&self.x, energy), &effort, &mut kept);
+        let descent = problem.descend((&self.x, energy), &effort, &mut kept);
         self.kept = kept;
-        moves
+        descent
     }
 
     fn problem<'b>(
@@ -401,13 +416,16 @@ const BEYOND: f64 = 0.008;
 const LOWERED: f64 = 0.75;
 /// How often cloth slips in a step at most.
 const SLIPS: usize = 24;
-/// So does a correction of so much [m]: what is left of it is lost motion.
+/// So does a correction of so much [m], what is left of which is lost motion, unless the energy fell by what was
+/// promised but for this share.
 const LED_FAR: f64 = 1e-3;
+const PROMISED: f64 = 0.02;
 /// A correction of so much asks where the skin is now [m].
 const TURNED: f64 = 5e-3;
-/// Iterations at most in a Newton step of moving cloth, and what they should reach: the next Newton
-/// step gains more than another digit of this one.
+/// Iterations at most in a Newton step of moving cloth, and what they should reach: what swings is the last to be
+/// solved. Less will do where cloth is only brought back to its limit.
 const ITERATIONS: usize = 60;
+const CLOSE: f64 = 0.02;
 const LOOSE: f64 = 0.05;
 
 /// Stiffness of skin [N/m] per touching vertex.
