@@ -158,7 +158,8 @@ impl Stage<'_> {
         let mut again = None;
         for _ in 1..pace.rounds {
             let beyond = quality::excess(self.weave, &self.x);
-            let done = led.as_promised && beyond < BEYOND;
+            let struck = self.is_struck(&pressed);
+            let done = led.as_promised && beyond < BEYOND && !struck;
             let far = !pace.smooth && led.most > LED_FAR && !done;
             if !far && (beyond < BEYOND || beyond > LOWERED * last) {
                 break;
@@ -171,7 +172,7 @@ impl Stage<'_> {
             let pairs = self.pairs(&self.rule(tau));
             let touches = again.as_ref().unwrap_or(&first);
             from.clone_from(&self.x);
-            let tolerance = if far { CLOSE } else { LOOSE };
+            let tolerance = if far && !struck { CLOSE } else { LOOSE };
             led = self.correct((way, pace), (touches, &pairs), (None, tolerance))?;
             pressed = self.pressure(touches, &from);
         }
@@ -202,6 +203,18 @@ impl Stage<'_> {
             pressed[touch.verts[0] as usize] = touch.pressure(from, &self.x);
         }
         pressed
+    }
+
+    /// Whether skin presses more than a little of the cloth otherwise [N] than when the last step ended.
+    fn is_struck(&self, pressed: &[f64]) -> bool {
+        let (mut struck, mut all) = (0.0, 0.0);
+        for (i, (now, mass)) in pressed.iter().zip(&self.weave.mass).enumerate() {
+            let before = self.pressed.as_ref().map_or(0.0, |p| p[i]);
+            let otherwise = (now - before).abs() > 0.5 * now.max(before);
+            struck += if otherwise { *mass } else { 0.0 };
+            all += mass;
+        }
+        struck > STRUCK * all
     }
 
     /// One Newton step. `known`: the energy where it begins [J], if that is; and what it should reach.
@@ -420,10 +433,13 @@ const SLIPS: usize = 24;
 /// promised but for this share.
 const LED_FAR: f64 = 1e-3;
 const PROMISED: f64 = 0.02;
+/// Cloth of which skin presses more than this share otherwise than before is struck: friction goes by the blow, and
+/// one step does not tell it well enough.
+const STRUCK: f64 = 0.05;
 /// A correction of so much asks where the skin is now [m].
 const TURNED: f64 = 5e-3;
 /// Iterations at most in a Newton step of moving cloth, and what they should reach: what swings is the last to be
-/// solved. Less will do where cloth is only brought back to its limit.
+/// solved. Less will do where cloth is only brought back to its limit, or struck.
 const ITERATIONS: usize = 60;
 const CLOSE: f64 = 0.02;
 const LOOSE: f64 = 0.05;
