@@ -143,7 +143,8 @@ impl Stage<'_> {
     }
 
     /// Newton steps, one if that is enough: another where cloth stretches beyond its limit and that helps, or
-    /// where cloth in motion was led far from where it drifted to.
+    /// where cloth in motion was led far from where it drifted to, unless the energy fell as promised and nothing
+    /// struck it.
     ///
     /// Gives the touches of the first and what they pressed in the last, or nothing if no step was
     /// finite.
