@@ -160,9 +160,8 @@ impl Problem<'_> {
             }
             moves.iter_mut().for_each(|m| *m *= 0.5);
         }
-        let fell = None;
         let is_finite = moves.iter().all(|m| m.is_finite());
-        is_finite.then_some(Descent { moves, fell })
+        is_finite.then_some(Descent { moves, fell: None })
     }
 }
 

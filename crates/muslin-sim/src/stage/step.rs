@@ -159,9 +159,9 @@ impl Stage<'_> {
         let mut again = None;
         for _ in 1..pace.rounds {
             let beyond = quality::excess(self.weave, &self.x);
-            let struck = self.is_struck(&pressed);
-            let done = led.as_promised && beyond < BEYOND && !struck;
-            let far = !pace.smooth && led.most > LED_FAR && !done;
+            let far = !pace.smooth && led.most > LED_FAR;
+            let struck = far && self.is_struck(&pressed);
+            let far = far && (struck || !led.as_promised || beyond >= BEYOND);
             if !far && (beyond < BEYOND || beyond > LOWERED * last) {
                 break;
             }
