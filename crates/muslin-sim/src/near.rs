@@ -312,9 +312,7 @@ impl<'a> Scene<'a> {
             regions: numbers
                 .map(|r| asked.1[r].then(|| faces(r)).flatten())
                 .collect(),
-            open: weave
-                .fans
-                .open((&at, &ways), (room, &asked.0), &weave.pattern.near),
+            open: weave.fans.open((&at, &ways), (room, &asked.0)),
             at,
             verts,
             weave,
