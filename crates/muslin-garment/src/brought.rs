@@ -45,6 +45,9 @@ const SPREAD: usize = 12;
 const BONES: usize = 8;
 /// Rounds of drawing cloth to its shape on another body, or over other cloth.
 const ROUNDS: usize = 60;
+/// How much cloth is smoothed at first on its way there, and in the end.
+const SMOOTHLY: f64 = 0.3;
+const CLOSELY: f64 = 0.05;
 /// Room between two layers of cloth [m].
 const BETWEEN: f64 = 0.004;
 /// How far off the skin cloth is put [m], for edges of 12 mm.
@@ -257,19 +260,32 @@ impl Brought {
             gap: BETWEEN,
             rim: Some(rim),
         }));
-        let mut memory = Memory::default();
-        for round in 0..ROUNDS {
-            let how = Round {
-                stitch: 0.0,
-                smooth: if round < ROUNDS / 2 { 0.3 } else { 0.05 },
-                most: 0.01,
-                slack: if round < ROUNDS / 3 { 0.0 } else { FOLDS },
-            };
-            if round % 5 == 4 {
-                self.cloth.find_crossings(x, &mut memory);
+        let drawn = |smooth: f64| {
+            let (mut x, mut memory) = (x.to_vec(), Memory::default());
+            for round in 0..ROUNDS {
+                let how = Round {
+                    stitch: 0.0,
+                    smooth: if round < ROUNDS / 2 { smooth } else { CLOSELY },
+                    most: 0.01,
+                    slack: if round < ROUNDS / 3 { 0.0 } else { FOLDS },
+                };
+                if round % 5 == 4 {
+                    self.cloth.find_crossings(&x, &mut memory);
+                }
+                self.cloth.round(&mut x, (&outside, &mut memory), &how);
             }
-            self.cloth.round(x, (&outside, &mut memory), &how);
+            let crossing = self.cloth.find_crossings(&x, &mut memory);
+            (crossing, x)
+        };
+        let mut best = drawn(SMOOTHLY);
+        if best.0 > 0 {
+            // Smoothed, the walls of a folded-over collar come through each other.
+            let closely = drawn(CLOSELY);
+            if closely.0 < best.0 {
+                best = closely;
+            }
         }
+        x.copy_from_slice(&best.1);
     }
 
     /// How far cloth goes with the skin to where that is `there` [m], so many times as far off it; evened out over

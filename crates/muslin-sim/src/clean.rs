@@ -65,24 +65,38 @@ fn nearer(stage: &Stage<'_>) -> Vec<DVec3> {
     all.map(|(x, n)| *x - n * ROUNDED).collect()
 }
 
-/// Makes a frame of a motion clean: the body to deliver [m], how far it yielded for that [m], and
-/// the pairs of triangles that meet all the same.
+/// A frame of a motion, made clean.
+pub(crate) struct Tidy {
+    /// The body to deliver [m].
+    pub skin: Vec<DVec3>,
+    /// How far it yielded for that [m].
+    pub yielded: f64,
+    /// The pairs of triangles that meet all the same.
+    pub left: usize,
+}
+
+/// Makes a frame of a motion clean.
 ///
 /// The next frame starts from the body as it was: a dent made here is this frame's own.
-pub(crate) fn tidy(
-    stage: &mut Stage<'_>,
-    cores: &[DVec3],
-) -> Result<(Vec<DVec3>, f64, usize), SimError> {
+pub(crate) fn tidy(stage: &mut Stage<'_>, cores: &[DVec3]) -> Tidy {
     let skin = stage.body.now.verts().to_vec();
     let yielded = give(stage, cores);
     if yielded == 0.0 {
-        return Ok((skin, 0.0, 0));
+        return Tidy {
+            skin,
+            yielded,
+            left: 0,
+        };
     }
     let left = stage.in_body().len();
     let dented = stage.body.now.verts().to_vec();
     stage.body.now.refit(&skin);
     stage.body.forget();
-    Ok((dented, yielded, left))
+    Tidy {
+        skin: dented,
+        yielded,
+        left,
+    }
 }
 
 /// Faces of the cloth that something thin of the body pokes through.

@@ -135,6 +135,7 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                     longest: LONGEST,
                     rounds: guesses.steps,
                     inertia: guesses.inertia,
+                    halved: 0,
                 };
                 stage.live(&body.skin, &stride)?;
             } else {
@@ -161,15 +162,15 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                     stage.set_off((&body.skin, &next.skin), time);
                 }
             }
-            let (skin, yielded, left) = clean::tidy(stage, &body.cores)?;
+            let tidy = clean::tidy(stage, &body.cores);
             let self_crossings = stage.in_itself().len();
-            anew = swings && left + self_crossings > 0 && guesses.begun.is_none();
+            anew = swings && tidy.left + self_crossings > 0 && guesses.begun.is_none();
             (self.deliver)(Refined {
                 self_crossings,
                 verts: stage.x.clone(),
-                body: skin,
-                yielded: yielded + self.dents.depth(k),
-                body_intersections: left,
+                body: tidy.skin,
+                yielded: tidy.yielded + self.dents.depth(k),
+                body_intersections: tidy.left,
                 steps: stage.steps - before,
                 seconds: since.elapsed().as_secs_f64(),
             });

@@ -1,17 +1,17 @@
 //! Cloth on a moving body, frame after frame: inertia, not only rest.
 
-use std::ops::ControlFlow;
+use std::{cmp::Ordering, ops::ControlFlow};
 
 use glam::DVec3;
 use muslin_geom::Surface;
 
 use crate::{
-    clean,
+    clean::{self, Tidy},
     cloth::{Cloth, SimError, finite, same},
     dents::Dents,
     drape::{GoOn, Options, asked},
     relief::Frame,
-    stage::{Pace, ROUNDS, Stage, Stride},
+    stage::{LOWERED, Mark, Pace, ROUNDS, Stage, Stride},
     weave::Weave,
 };
 
@@ -99,6 +99,26 @@ pub fn simulate_while(
     rayon::join(&mut run, || ()).0
 }
 
+/// How often the steps of a frame are halved at most, and the stretch beyond the limit that asks for it.
+const HALVINGS: usize = 2;
+const WEDGED: f64 = 0.009;
+
+/// What is wrong with a frame: pairs of triangles of cloth and body that meet, and how far the worst face is beyond
+/// its limit.
+struct Trouble {
+    left: usize,
+    beyond: f64,
+}
+
+impl Trouble {
+    fn is_less_than(&self, other: &Trouble) -> bool {
+        match self.left.cmp(&other.left) {
+            Ordering::Equal => self.beyond < LOWERED * other.beyond,
+            order => order.is_lt(),
+        }
+    }
+}
+
 struct Run<'a> {
     stage: Stage<'a>,
     walk: &'a Walk<'a>,
@@ -146,14 +166,49 @@ impl<'a> Run<'a> {
     }
 
     /// How the cloth goes on from one frame to the next.
-    fn stride(&self) -> Stride {
+    fn stride(&self, halved: usize) -> Stride {
         let time = 1.0 / self.walk.fps;
         Stride {
             time,
             longest: time,
             rounds: ROUNDS,
             inertia: 1.0,
+            halved,
         }
+    }
+
+    /// Goes on to the next frame, and makes it clean. Where that leaves cloth beyond its limit or in the body, it is
+    /// gone again in steps half as long, as often as that may help.
+    fn live(&mut self, body: &Frame) -> Result<Tidy, SimError> {
+        let start = self.stage.mark();
+        let mut best: Option<(Trouble, Mark, Tidy)> = None;
+        for halved in 0..=HALVINGS {
+            if halved > 0 {
+                self.stage.back(&start);
+            }
+            match self.stage.live(&body.skin, &self.stride(halved)) {
+                Err(_) if best.is_some() => break,
+                led => led?,
+            }
+            let tidy = clean::tidy(&mut self.stage, &body.cores);
+            let trouble = Trouble {
+                left: tidy.left,
+                beyond: self.stage.wedged(),
+            };
+            if trouble.left == 0 && trouble.beyond < WEDGED {
+                return Ok(tidy);
+            }
+            let less = best.as_ref().is_none_or(|b| trouble.is_less_than(&b.0));
+            if !less && trouble.left == 0 {
+                break;
+            }
+            if less {
+                best = Some((trouble, self.stage.mark(), tidy));
+            }
+        }
+        let (_, mark, tidy) = best.expect("the first way counts unless a later one is better");
+        self.stage.back(&mark);
+        Ok(tidy)
     }
 
     /// Gives the cloth the velocity that the body has when the lead-in is over.
@@ -175,20 +230,24 @@ impl<'a> Run<'a> {
             let body = self.dents.frame(self.frame)?;
             let before = self.stage.steps;
             self.stage.body.slick = self.dents.slick(self.frame);
-            if self.frame <= self.walk.lead {
-                self.stage.follow(&body.skin)?;
-                if self.frame == self.walk.lead {
-                    self.stage.settle(go_on)?;
-                    self.set_off()?;
+            let tidy = match self.frame.cmp(&self.walk.lead) {
+                Ordering::Less => {
+                    self.stage.follow(&body.skin)?;
+                    None
                 }
-            } else {
-                self.stage.live(&body.skin, &self.stride())?;
-            }
+                Ordering::Equal => {
+                    self.stage.follow(&body.skin)?;
+                    self.stage.settle(go_on)?;
+                    self.stage.slip_at_rest();
+                    self.set_off()?;
+                    Some(clean::tidy(&mut self.stage, &body.cores))
+                }
+                Ordering::Greater => Some(self.live(&body)?),
+            };
             self.frame += 1;
-            if self.frame <= self.walk.lead {
+            let Some(tidy) = tidy else {
                 continue;
-            }
-            let (skin, yielded, left) = clean::tidy(&mut self.stage, &body.cores)?;
+            };
             let delivered = self.frame - self.walk.lead;
             let state = delivered
                 .is_multiple_of(CHECKPOINT)
@@ -196,9 +255,9 @@ impl<'a> Run<'a> {
             let moment = Moment {
                 frame: delivered - 1,
                 verts: &self.stage.x,
-                body: &skin,
-                yielded: yielded + self.dents.depth(self.frame - 1),
-                body_intersections: left,
+                body: &tidy.skin,
+                yielded: tidy.yielded + self.dents.depth(self.frame - 1),
+                body_intersections: tidy.left,
                 steps: self.stage.steps - before,
                 state: state.as_ref(),
             };

@@ -22,7 +22,7 @@ use crate::{
 mod step;
 
 use step::Past;
-pub(crate) use step::{CALM_ROUNDS, Pace, ROUNDS};
+pub(crate) use step::{CALM_ROUNDS, LOWERED, Pace, ROUNDS};
 
 /// A drape in the making.
 pub(crate) struct Stage<'a> {
@@ -57,6 +57,8 @@ pub(crate) struct Stage<'a> {
     /// Faces that the body ever came through, where that is asked for: cloth pulled tight round an elbow needs
     /// them all until it rests.
     met: Option<Vec<u32>>,
+    /// Whether cloth could not slip back to its limit in the last step.
+    wedged: bool,
     /// Share of the skin's friction that counts.
     pub grip: f64,
     pub steps: usize,
@@ -72,6 +74,17 @@ pub(crate) struct Stride {
     pub rounds: usize,
     /// How many times its inertia counts.
     pub inertia: f64,
+    /// How often its steps are halved.
+    pub halved: usize,
+}
+
+/// A state to come back to.
+pub(crate) struct Mark {
+    x: Vec<DVec3>,
+    v: Vec<DVec3>,
+    past: Option<Past>,
+    pressed: Option<Vec<f64>>,
+    skin: Vec<DVec3>,
 }
 
 /// Where a pin sits in the frame of its skin [m].
@@ -127,6 +140,7 @@ impl<'a> Stage<'a> {
             poked: Vec::new(),
             thin: Vec::new(),
             met: None,
+            wedged: false,
             grip: 1.0,
             steps: 0,
             weave,
@@ -318,7 +332,7 @@ impl<'a> Stage<'a> {
         self.kept = None;
         let drift: Vec<DVec3> = self.v.iter().map(|v| *v * stride.time).collect();
         let pieces = self.pieces(frame, |v| drift[v]);
-        let pieces = pieces.max((stride.time / stride.longest).ceil() as usize);
+        let pieces = pieces.max((stride.time / stride.longest).ceil() as usize) << stride.halved;
         let from = self.body.now.verts().to_vec();
         let pace = Pace {
             step: stride.time / pieces as f64,
@@ -335,6 +349,37 @@ impl<'a> Stage<'a> {
             self.step(&pace)?;
         }
         Ok(())
+    }
+
+    /// How far the worst face is beyond its limit, if the last step could not let all slip back to it; else zero.
+    pub fn wedged(&self) -> f64 {
+        match self.wedged {
+            true => quality::excess(self.weave, &self.x).max(0.0),
+            false => 0.0,
+        }
+    }
+
+    /// To come [`Stage::back`] to.
+    pub fn mark(&self) -> Mark {
+        Mark {
+            x: self.x.clone(),
+            v: self.v.clone(),
+            past: self.past.clone(),
+            pressed: self.pressed.clone(),
+            skin: self.body.now.verts().to_vec(),
+        }
+    }
+
+    /// Goes back to where all was at a mark.
+    pub fn back(&mut self, mark: &Mark) {
+        self.x.clone_from(&mark.x);
+        self.v.clone_from(&mark.v);
+        self.before.clone_from(&mark.x);
+        self.past.clone_from(&mark.past);
+        self.pressed.clone_from(&mark.pressed);
+        self.body.advance(&mark.skin);
+        self.body.stand();
+        self.find_tangles();
     }
 
     /// Gives the cloth the velocity that it has if it goes along with a body which goes from one place to

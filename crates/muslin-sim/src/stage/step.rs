@@ -49,6 +49,7 @@ impl Pace {
 }
 
 /// Positions [m] and velocities [m/s] one step ago, and how long that step was [s].
+#[derive(Clone)]
 pub(super) struct Past {
     x: Vec<DVec3>,
     v: Vec<DVec3>,
@@ -189,12 +190,18 @@ impl Stage<'_> {
     /// Lets what is wedged slip, so that less of it is beyond its limit.
     fn slip(&mut self, touches: &[Touch]) {
         // Where pieces of cloth are in each other's way, a move goes only a part of its way.
-        for _ in 0..SLIPS {
-            let Some(moves) = slip::moves(self.weave, &self.x, touches) else {
-                break;
-            };
-            self.go(moves);
-        }
+        self.wedged = (0..SLIPS).all(|_| {
+            let moves = slip::moves(self.weave, &self.x, touches);
+            moves.map(|moves| self.go(moves)).is_some()
+        });
+    }
+
+    /// Lets cloth at rest slip back to its limit.
+    pub fn slip_at_rest(&mut self) {
+        self.before.clone_from(&self.x);
+        let touches = self.touches(self.options.step);
+        self.slip(&touches);
+        self.before.clone_from(&self.x);
     }
 
     /// How strongly skin pushes every vertex after a Newton step from `from` [N].
@@ -425,9 +432,9 @@ pub(crate) const ROUNDS: usize = 6;
 /// Newton steps at most in a step of cloth that is to come to rest.
 pub(crate) const CALM_ROUNDS: usize = 3;
 const BEYOND: f64 = 0.008;
-/// Share of it that a Newton step leaves at most, or another does no more: where cloth is wedged, some
+/// Share of it that a Newton step leaves at most, or twice as many steps, or another does no more: where cloth is wedged, some
 /// triangle is always beyond.
-const LOWERED: f64 = 0.75;
+pub(crate) const LOWERED: f64 = 0.75;
 /// How often cloth slips in a step at most.
 const SLIPS: usize = 24;
 /// So does a correction of so much [m], what is left of which is lost motion, unless the energy fell by what was
