@@ -91,7 +91,7 @@ impl Fans {
                 *way = [0, 1].map(|side| Four::of(ends.map(|e| to(e[side]))));
             }
             let [[b, c], [by, cy]] = &*sides;
-            sum = sum.plus(&b.plus(&b).plus(by).cross(&c.plus(c).plus(cy)));
+            sum = sum.plus(&b.plus(b).plus(by).cross(&c.plus(c).plus(cy)));
         }
         // Seen along the mean normal halfway: what lies in its direction does not count.
         let Some(mean) = sum.total().try_normalize() else {

@@ -124,6 +124,8 @@ struct Run<'a> {
     walk: &'a Walk<'a>,
     dents: Dents<'a>,
     frame: usize,
+    /// Whether shorter steps did not help the last frame, so that this one is not asked.
+    hopeless: bool,
 }
 
 impl<'a> Run<'a> {
@@ -147,6 +149,7 @@ impl<'a> Run<'a> {
             walk,
             dents,
             frame,
+            hopeless: false,
         };
         if let Some(state) = resume {
             same("state", state.verts.len(), weave.n_verts())?;
@@ -178,11 +181,12 @@ impl<'a> Run<'a> {
     }
 
     /// Goes on to the next frame, and makes it clean. Where that leaves cloth beyond its limit or in the body, it is
-    /// gone again in steps half as long, as often as that may help.
+    /// gone again in steps half as long, as often as that may help; but not where that did not help the frame before.
     fn live(&mut self, body: &Frame) -> Result<Tidy, SimError> {
         let start = self.stage.mark();
+        let halvings = if self.hopeless { 0 } else { HALVINGS };
         let mut best: Option<(Trouble, Mark, Tidy)> = None;
-        for halved in 0..=HALVINGS {
+        for halved in 0..=halvings {
             if halved > 0 {
                 self.stage.back(&start);
             }
@@ -196,6 +200,7 @@ impl<'a> Run<'a> {
                 beyond: self.stage.wedged(),
             };
             if trouble.left == 0 && trouble.beyond < WEDGED {
+                self.hopeless = false;
                 return Ok(tidy);
             }
             let less = best.as_ref().is_none_or(|b| trouble.is_less_than(&b.0));
@@ -203,6 +208,7 @@ impl<'a> Run<'a> {
                 break;
             }
             if less {
+                self.hopeless = halved == 0;
                 best = Some((trouble, self.stage.mark(), tidy));
             }
         }
@@ -249,9 +255,10 @@ impl<'a> Run<'a> {
                 continue;
             };
             let delivered = self.frame - self.walk.lead;
-            let state = delivered
-                .is_multiple_of(CHECKPOINT)
-                .then(|| self.stage.checkpoint(self.frame));
+            let state = delivered.is_multiple_of(CHECKPOINT).then(|| {
+                self.hopeless = false;
+                self.stage.checkpoint(self.frame)
+            });
             let moment = Moment {
                 frame: delivered - 1,
                 verts: &self.stage.x,
