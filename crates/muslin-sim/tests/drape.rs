@@ -4,7 +4,7 @@ mod scenes;
 
 use glam::{DVec2, DVec3};
 use muslin_sim::{Cloth, Frame, Options, Settled, SimError, drape, drape_while};
-use scenes::{capsule, cotton, cut, grid, look, stride, tube};
+use scenes::{capsule, cotton, cut, grid, look, tube};
 
 /// A body far below everything, for scenes without one.
 fn nobody() -> (Vec<DVec3>, Vec<[u32; 3]>) {
@@ -134,6 +134,36 @@ fn a_tube_stays_clean_while_an_arm_comes_down_beside_it_and_all_walk_away() {
         "stretch {}",
         settled.stretch_p99
     );
+}
+
+/// Two legs under a hip, one `angle` [rad] forward and the other as far back.
+fn stride(angle: f64) -> (Frame, Vec<[u32; 3]>) {
+    let mut frame = Frame::default();
+    let mut faces = Vec::new();
+    let mut add = |a: DVec3, b: DVec3, radius: f64| {
+        let (verts, more) = capsule(a, b, radius, 24);
+        let base = frame.skin.len() as u32;
+        let core = |p: &DVec3| {
+            a.lerp(
+                b,
+                ((*p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0),
+            )
+        };
+        frame.cores.extend(verts.iter().map(core));
+        frame.skin.extend(verts);
+        faces.extend(more.iter().map(|f| f.map(|i| i + base)));
+    };
+    add(
+        DVec3::new(-0.05, 1.0, 0.0),
+        DVec3::new(0.05, 1.0, 0.0),
+        0.09,
+    );
+    for side in [-1.0, 1.0] {
+        let hip = DVec3::new(0.07 * side, 0.98, 0.0);
+        let swing = DVec3::new(0.0, -angle.cos(), side * angle.sin());
+        add(hip, hip + swing * 0.7, 0.06);
+    }
+    (frame, faces)
 }
 
 #[test]

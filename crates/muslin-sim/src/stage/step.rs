@@ -432,8 +432,8 @@ pub(crate) const ROUNDS: usize = 6;
 /// Newton steps at most in a step of cloth that is to come to rest.
 pub(crate) const CALM_ROUNDS: usize = 3;
 const BEYOND: f64 = 0.008;
-/// Share of it that a Newton step leaves at most, or twice as many steps, or another does no more: where cloth is wedged, some
-/// triangle is always beyond.
+/// Share of it that a Newton step leaves at most, or shorter steps do, or another does no more: where cloth is
+/// wedged, some triangle is always beyond.
 pub(crate) const LOWERED: f64 = 0.75;
 /// How often cloth slips in a step at most.
 const SLIPS: usize = 24;

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec2, DVec3};
 use muslin_energy::{hinge::Bend, membrane::Stretch};
-use muslin_sim::{Cloth, Frame, Material};
+use muslin_sim::{Cloth, Material};
 
 /// A light cotton: 150 g/m², 1000 N/m.
 pub fn cotton() -> Material {
@@ -124,36 +124,6 @@ pub fn capsule(a: DVec3, b: DVec3, radius: f64, cols: usize) -> (Vec<DVec3>, Vec
         faces.push([at(rings.len() - 1, c), at(rings.len() - 1, c + 1), last]);
     }
     (verts, faces)
-}
-
-/// Two legs under a hip, one `angle` [rad] forward and the other as far back.
-pub fn stride(angle: f64) -> (Frame, Vec<[u32; 3]>) {
-    let mut frame = Frame::default();
-    let mut faces = Vec::new();
-    let mut add = |a: DVec3, b: DVec3, radius: f64| {
-        let (verts, more) = capsule(a, b, radius, 24);
-        let base = frame.skin.len() as u32;
-        let core = |p: &DVec3| {
-            a.lerp(
-                b,
-                ((*p - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0),
-            )
-        };
-        frame.cores.extend(verts.iter().map(core));
-        frame.skin.extend(verts);
-        faces.extend(more.iter().map(|f| f.map(|i| i + base)));
-    };
-    add(
-        DVec3::new(-0.05, 1.0, 0.0),
-        DVec3::new(0.05, 1.0, 0.0),
-        0.09,
-    );
-    for side in [-1.0, 1.0] {
-        let hip = DVec3::new(0.07 * side, 0.98, 0.0);
-        let swing = DVec3::new(0.0, -angle.cos(), side * angle.sin());
-        add(hip, hip + swing * 0.7, 0.06);
-    }
-    (frame, faces)
 }
 
 /// Writes an OBJ when `MUSLIN_SCENES` names a folder, to be looked at.
