@@ -370,15 +370,14 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// Goes back to where all was at a mark.
+    /// Goes back to where all was at a mark; what a step began with, the next one sets.
     pub fn back(&mut self, mark: &Mark) {
         self.x.clone_from(&mark.x);
         self.v.clone_from(&mark.v);
-        self.before.clone_from(&mark.x);
         self.past.clone_from(&mark.past);
         self.pressed.clone_from(&mark.pressed);
-        self.body.advance(&mark.skin);
-        self.body.stand();
+        self.body.now.refit(&mark.skin);
+        self.body.forget();
         self.find_tangles();
     }
 

@@ -198,10 +198,8 @@ impl Stage<'_> {
 
     /// Lets cloth at rest slip back to its limit.
     pub fn slip_at_rest(&mut self) {
-        self.before.clone_from(&self.x);
         let touches = self.touches(self.options.step);
         self.slip(&touches);
-        self.before.clone_from(&self.x);
     }
 
     /// How strongly skin pushes every vertex after a Newton step from `from` [N].
