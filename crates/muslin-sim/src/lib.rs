@@ -12,6 +12,7 @@
 //!
 //! Every sum has a fixed order: the same bits on any number of threads.
 
+mod again;
 mod air;
 mod bending;
 mod body;

@@ -4,8 +4,8 @@
 //! much as the guess goes on, what was changed turning with the body, never through itself, and is led
 //! to rest from there. So a few steps are enough, and folds do not jump from frame to frame.
 //!
-//! With inertia, cloth goes on from where the first guess was led to and swings as in a simulation;
-//! the other guesses are where it begins anew after a frame that ends with a fault.
+//! With inertia, cloth goes on from where the first guess that led to a clean frame was led to, and swings as in a
+//! simulation.
 
 use std::time::Instant;
 
@@ -13,6 +13,7 @@ use glam::DVec3;
 use muslin_geom::Surface;
 
 use crate::{
+    again::Again,
     carry::Carrier,
     clean,
     cloth::{Cloth, SimError, finite, same},
@@ -28,8 +29,8 @@ use crate::{
 pub struct Guesses<'a> {
     /// Positions [m] in some frames, one after the other.
     pub frames: &'a [Vec<DVec3>],
-    /// Where the cloth lies clean in the first of them already [m], if that is known: then a frame that
-    /// ends with a fault does not begin anew from its guess, for guesses so far off are no help.
+    /// Where the cloth lies clean in the first of them already [m], if that is known: then no other
+    /// guess is begun with, for guesses so far off are no help.
     pub begun: Option<&'a [DVec3]>,
     /// The number of the first of them, the lead-in not counted.
     pub first: usize,
@@ -120,6 +121,7 @@ impl<D: FnMut(Refined)> Run<'_, D> {
         (lead, time, go_on): (usize, f64, GoOn<'_>),
     ) -> Result<(), SimError> {
         let mut anew = true;
+        let mut again = Again::default();
         for (i, guess) in guesses.frames.iter().enumerate() {
             asked(go_on)?;
             let since = Instant::now();
@@ -129,7 +131,7 @@ impl<D: FnMut(Refined)> Run<'_, D> {
             let before = stage.steps;
             stage.body.slick = self.dents.slick(k);
             let swings = guesses.inertia > 0.0;
-            if swings && !anew {
+            let tidy = if swings && !anew {
                 let stride = Stride {
                     time,
                     longest: LONGEST,
@@ -137,7 +139,7 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                     inertia: guesses.inertia,
                     halved: 0,
                 };
-                stage.live(&body.skin, &stride)?;
+                again.live(stage, &body, &stride)?
             } else {
                 let old = match anew {
                     true => &stage.x,
@@ -161,10 +163,11 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                     let next = self.dents.frame(k + 1)?;
                     stage.set_off((&body.skin, &next.skin), time);
                 }
-            }
-            let tidy = clean::tidy(stage, &body.cores);
+                clean::tidy(stage, &body.cores)
+            };
             let self_crossings = stage.in_itself().len();
-            anew = swings && tidy.left + self_crossings > 0 && guesses.begun.is_none();
+            // Guesses for poses in which cloth gets caught are no place to begin from.
+            anew &= swings && tidy.left + self_crossings > 0 && guesses.begun.is_none();
             (self.deliver)(Refined {
                 self_crossings,
                 verts: stage.x.clone(),

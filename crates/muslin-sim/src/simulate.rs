@@ -6,12 +6,13 @@ use glam::DVec3;
 use muslin_geom::Surface;
 
 use crate::{
-    clean::{self, Tidy},
+    again::Again,
+    clean,
     cloth::{Cloth, SimError, finite, same},
     dents::Dents,
     drape::{GoOn, Options, asked},
     relief::Frame,
-    stage::{LOWERED, Mark, Pace, ROUNDS, Stage, Stride},
+    stage::{Pace, ROUNDS, Stage, Stride},
     weave::Weave,
 };
 
@@ -99,33 +100,12 @@ pub fn simulate_while(
     rayon::join(&mut run, || ()).0
 }
 
-/// How often the steps of a frame are halved at most, and the stretch beyond the limit that asks for it.
-const HALVINGS: usize = 2;
-const WEDGED: f64 = 0.009;
-
-/// What is wrong with a frame: pairs of triangles of cloth and body that meet, and how far the worst face is beyond
-/// its limit.
-struct Trouble {
-    left: usize,
-    beyond: f64,
-}
-
-impl Trouble {
-    fn is_less_than(&self, other: &Trouble) -> bool {
-        match self.left.cmp(&other.left) {
-            Ordering::Equal => self.beyond < LOWERED * other.beyond,
-            order => order.is_lt(),
-        }
-    }
-}
-
 struct Run<'a> {
     stage: Stage<'a>,
     walk: &'a Walk<'a>,
     dents: Dents<'a>,
     frame: usize,
-    /// Whether shorter steps did not help the last frame, so that this one is not asked.
-    hopeless: bool,
+    again: Again,
 }
 
 impl<'a> Run<'a> {
@@ -149,7 +129,7 @@ impl<'a> Run<'a> {
             walk,
             dents,
             frame,
-            hopeless: false,
+            again: Again::default(),
         };
         if let Some(state) = resume {
             same("state", state.verts.len(), weave.n_verts())?;
@@ -169,52 +149,15 @@ impl<'a> Run<'a> {
     }
 
     /// How the cloth goes on from one frame to the next.
-    fn stride(&self, halved: usize) -> Stride {
+    fn stride(&self) -> Stride {
         let time = 1.0 / self.walk.fps;
         Stride {
             time,
             longest: time,
             rounds: ROUNDS,
             inertia: 1.0,
-            halved,
+            halved: 0,
         }
-    }
-
-    /// Goes on to the next frame, and makes it clean. Where that leaves cloth beyond its limit or in the body, it is
-    /// gone again in steps half as long, as often as that may help; but not where that did not help the frame before.
-    fn live(&mut self, body: &Frame) -> Result<Tidy, SimError> {
-        let start = self.stage.mark();
-        let halvings = if self.hopeless { 0 } else { HALVINGS };
-        let mut best: Option<(Trouble, Mark, Tidy)> = None;
-        for halved in 0..=halvings {
-            if halved > 0 {
-                self.stage.back(&start);
-            }
-            match self.stage.live(&body.skin, &self.stride(halved)) {
-                Err(_) if best.is_some() => break,
-                led => led?,
-            }
-            let tidy = clean::tidy(&mut self.stage, &body.cores);
-            let trouble = Trouble {
-                left: tidy.left,
-                beyond: self.stage.wedged(),
-            };
-            if trouble.left == 0 && trouble.beyond < WEDGED {
-                self.hopeless = false;
-                return Ok(tidy);
-            }
-            let less = best.as_ref().is_none_or(|b| trouble.is_less_than(&b.0));
-            if !less && trouble.left == 0 {
-                break;
-            }
-            if less {
-                self.hopeless = halved == 0;
-                best = Some((trouble, self.stage.mark(), tidy));
-            }
-        }
-        let (_, mark, tidy) = best.expect("the first way counts unless a later one is better");
-        self.stage.back(&mark);
-        Ok(tidy)
     }
 
     /// Gives the cloth the velocity that the body has when the lead-in is over.
@@ -248,7 +191,10 @@ impl<'a> Run<'a> {
                     self.set_off()?;
                     Some(clean::tidy(&mut self.stage, &body.cores))
                 }
-                Ordering::Greater => Some(self.live(&body)?),
+                Ordering::Greater => {
+                    let stride = self.stride();
+                    Some(self.again.live(&mut self.stage, &body, &stride)?)
+                }
             };
             self.frame += 1;
             let Some(tidy) = tidy else {
@@ -256,7 +202,7 @@ impl<'a> Run<'a> {
             };
             let delivered = self.frame - self.walk.lead;
             let state = delivered.is_multiple_of(CHECKPOINT).then(|| {
-                self.hopeless = false;
+                self.again = Again::default();
                 self.stage.checkpoint(self.frame)
             });
             let moment = Moment {

@@ -162,28 +162,41 @@ fn it_stops_when_asked_and_refuses_guesses_of_other_cloth() {
 /// Frames in which what a strip hangs from goes aside.
 const JERK: usize = 3;
 
-/// How far the hem of a hanging strip is from where it hangs [m], frame by frame, after what it hangs from
-/// jerked aside; all guesses are that it hangs straight.
-fn hem(inertia: f64) -> Vec<f64> {
+/// A strip that hangs from a ball which jerks aside. In the frame `pinched` two more balls close on it below where it
+/// is held, through each other.
+fn strip(inertia: f64, pinched: Option<usize>) -> Vec<Refined> {
     let (flat, faces) = grid(DVec2::new(0.04, 0.4), [2, 20]);
     let corners = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
     let mut cloth = cut(flat.len(), faces, corners, cotton());
     cloth.pins = (60..63).collect();
-    let (ball, faces) = capsule(
-        DVec3::new(0.02, 0.42, 0.0),
-        DVec3::new(0.02, 0.42, 1e-6),
-        0.01,
-        12,
-    );
+    let ball = |y: f64, z: f64, radius: f64| {
+        let middle = DVec3::new(0.02, y, z);
+        capsule(middle, middle + DVec3::Z * 1e-6, radius, 12)
+    };
+    let mut held = ball(0.42, 0.0, 0.01);
+    let sides = [-0.06, 0.06].map(|z| ball(0.36, z, 0.02));
+    for (verts, faces) in &sides {
+        let n = held.0.len() as u32;
+        held.0.extend(verts);
+        held.1.extend(faces.iter().map(|f| f.map(|v| v + n)));
+    }
+    let (rest, faces) = held;
+    let n = sides[0].0.len();
     let way = |k: usize| DVec3::Z * (0.02 * k.min(JERK) as f64);
     let at = |k: usize| {
-        let there = ball.iter().map(|p| *p + way(k));
+        let closes = |i: usize| match pinched == Some(k) && i >= rest.len() - 2 * n {
+            true if i >= rest.len() - n => DVec3::Z * -0.05,
+            true => DVec3::Z * 0.05,
+            false => DVec3::ZERO,
+        };
+        let there = rest.iter().enumerate();
+        let there = there.map(|(i, p)| *p + way(k) + closes(i));
         there.collect::<Vec<_>>().into()
     };
     let frames = 60;
     let walk = Walk {
         faces: &faces,
-        rest: &ball,
+        rest: &rest,
         frames,
         lead: 0,
         fps: 30.0,
@@ -203,23 +216,40 @@ fn hem(inertia: f64) -> Vec<f64> {
         ..Options::USUAL
     };
     let mut out = Vec::new();
-    let deliver = |r: Refined| out.push(r.verts[1].z - r.verts[61].z);
+    let deliver = |r: Refined| out.push(r);
     refine(&cloth, &guesses, (&walk, &options, &|| true), deliver).expect("valid");
     out
+}
+
+/// How far its hem is from where it hangs [m], frame by frame; all guesses are that it hangs straight.
+fn hem(frames: &[Refined]) -> Vec<f64> {
+    let off = |r: &Refined| r.verts[1].z - r.verts[61].z;
+    frames.iter().map(off).collect()
+}
+
+#[test]
+fn cloth_that_gets_caught_goes_on_from_there_and_not_from_a_guess() {
+    let frame = JERK + 3;
+    let [free, caught] = [None, Some(frame)].map(|pinched| strip(1.0, pinched));
+    assert!(free.iter().all(|r| r.body_intersections == 0));
+    assert!(caught[frame].body_intersections > 0, "nothing is caught");
+    let [free, caught] = [free, caught].map(|frames| hem(&frames)[frame + 1]);
+    assert!(free > 0.07, "{free} m");
+    assert!((caught - free).abs() < 0.1 * free, "{caught} m, {free} m");
 }
 
 #[test]
 fn with_inertia_cloth_swings_and_more_of_it_swings_slower() {
     // Seconds from the jerk's end to where the hem, which went on ahead, has swung back.
     let back = |inertia: f64| {
-        let hem = hem(inertia);
+        let hem = hem(&strip(inertia, None));
         let most = hem.iter().copied().fold(0.0, f64::max);
         let ahead = (0..hem.len()).find(|k| hem[*k] > 0.5 * most);
         let returned = |k: &usize| *k > ahead.expect("it goes on") && hem[*k] < 0.0;
         let at = (0..hem.len()).find(returned).expect("swung back");
         (most, (at - JERK) as f64 / 30.0)
     };
-    let still = hem(0.0).iter().all(|z| z.abs() < 4e-3);
+    let still = hem(&strip(0.0, None)).iter().all(|z| z.abs() < 4e-3);
     assert!(still, "at rest in every frame");
     let ((most, usual), (_, heavy)) = (back(1.0), back(4.0));
     assert!((0.1..0.2).contains(&most), "{most} m");
