@@ -76,7 +76,8 @@ fn advance(
     if speed <= first - least {
         return 1.0;
     }
-    // Near the least distance a bound by speed alone stops everybody, also who parts.
+    // Whoever passes by or parts stays on his side of a slab for longer than speed alone tells. Near the least
+    // distance a bound by speed stops everybody.
     let is_close = least > keep.share * first;
     let mut t = 0.0;
     for _ in 0..ADVANCES {
@@ -84,10 +85,11 @@ fn advance(
         if t > 0.0 {
             between = gap(&at);
         }
-        let step = match is_close {
-            true => 0.9 * in_slab(&at, (d, split), between, least),
-            false => 0.9 * (between.length() - least).max(0.0) / speed,
+        let by_speed = match is_close {
+            true => 0.0,
+            false => (between.length() - least).max(0.0) / speed,
         };
+        let step = 0.9 * in_slab(&at, (d, split), between, least).max(by_speed);
         t += step;
         if t >= 1.0 {
             return 1.0;
@@ -154,6 +156,23 @@ mod tests {
             }
         }
         assert!(stopped > 400);
+    }
+
+    #[test]
+    fn who_passes_by_is_not_stopped() {
+        // A metre along a large triangle, or along an edge, a millimetre off.
+        let by = [DVec3::X, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO];
+        let corners = [
+            DVec3::new(-9.0, 0.0, -9.0),
+            DVec3::new(9.0, 0.0, -9.0),
+            DVec3::new(0.0, 0.0, 9.0),
+        ];
+        let at = [DVec3::Y * 1e-3, corners[0], corners[1], corners[2]];
+        assert_eq!(vertex_triangle(&at, &by, Keep::CLOTH), 1.0);
+        let by = [DVec3::X, DVec3::X, DVec3::ZERO, DVec3::ZERO];
+        let ends = [DVec3::Y, DVec3::new(0.0, 1.0, 0.01)].map(|p| p * 1e-3);
+        let at = [ends[0], ends[1], DVec3::X * -9.0, DVec3::X * 9.0];
+        assert_eq!(edge_edge(&at, &by, Keep::CLOTH), 1.0);
     }
 
     #[test]

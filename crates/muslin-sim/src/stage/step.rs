@@ -187,13 +187,28 @@ impl Stage<'_> {
         })
     }
 
-    /// Lets what is wedged slip, so that less of it is beyond its limit.
+    /// Lets what is wedged slip, so that less of it is beyond its limit, for as long as that comes of it.
     fn slip(&mut self, touches: &[Touch]) {
-        // Where pieces of cloth are in each other's way, a move goes only a part of its way.
-        self.wedged = (0..SLIPS).all(|_| {
-            let moves = slip::moves(self.weave, &self.x, touches);
-            moves.map(|moves| self.go(moves)).is_some()
-        });
+        self.wedged = true;
+        let (mut last, mut stuck) = (f64::INFINITY, 0);
+        for _ in 0..SLIPS {
+            let Some(moves) = slip::moves(self.weave, &self.x, touches) else {
+                self.wedged = false;
+                return;
+            };
+            // Where pieces of cloth are in each other's way, a move goes only a small part of its way.
+            self.go(moves);
+            let beyond = quality::excess(self.weave, &self.x);
+            stuck = if beyond < SLIPPING * last {
+                0
+            } else {
+                stuck + 1
+            };
+            if stuck == STUCK {
+                return;
+            }
+            last = beyond;
+        }
     }
 
     /// Lets cloth at rest slip back to its limit.
@@ -433,8 +448,11 @@ const BEYOND: f64 = 0.008;
 /// Share of it that a Newton step leaves at most, or shorter steps do, or another does no more: where cloth is
 /// wedged, some triangle is always beyond.
 pub(crate) const LOWERED: f64 = 0.75;
-/// How often cloth slips in a step at most.
-const SLIPS: usize = 24;
+/// How often cloth slips in a step at most, and how often though less than a hundredth of the stretch beyond the limit
+/// is gone by it.
+const SLIPS: usize = 96;
+const SLIPPING: f64 = 0.99;
+const STUCK: usize = 8;
 /// So does a correction of so much [m], what is left of which is lost motion, unless the energy fell by what was
 /// promised but for this share.
 const LED_FAR: f64 = 1e-3;
