@@ -62,7 +62,7 @@ impl Again {
             if halved > 0 {
                 stage.back(&start);
             }
-            match stage.live(&body.skin, &Stride { halved, ..*stride }) {
+            match stage.live(&body.skin, stride, halved) {
                 Err(_) if best.is_some() => break,
                 led => led?,
             }

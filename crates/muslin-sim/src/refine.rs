@@ -137,7 +137,6 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                     longest: LONGEST,
                     rounds: guesses.steps,
                     inertia: guesses.inertia,
-                    halved: 0,
                 };
                 again.live(stage, &body, &stride)?
             } else {

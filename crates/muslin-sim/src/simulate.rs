@@ -156,7 +156,6 @@ impl<'a> Run<'a> {
             longest: time,
             rounds: ROUNDS,
             inertia: 1.0,
-            halved: 0,
         }
     }
 

@@ -74,8 +74,6 @@ pub(crate) struct Stride {
     pub rounds: usize,
     /// How many times its inertia counts.
     pub inertia: f64,
-    /// How often its steps are halved.
-    pub halved: usize,
 }
 
 /// A state to come back to.
@@ -327,12 +325,18 @@ impl<'a> Stage<'a> {
         self.tangled.contains(&true)
     }
 
-    /// Goes on for some time, in which the body moves to `frame`, in as many steps as that needs.
-    pub fn live(&mut self, frame: &[DVec3], stride: &Stride) -> Result<(), SimError> {
+    /// Goes on for some time, in which the body moves to `frame`, in as many steps as that needs, each of them
+    /// `halved` so many times.
+    pub fn live(
+        &mut self,
+        frame: &[DVec3],
+        stride: &Stride,
+        halved: usize,
+    ) -> Result<(), SimError> {
         self.kept = None;
         let drift: Vec<DVec3> = self.v.iter().map(|v| *v * stride.time).collect();
         let pieces = self.pieces(frame, |v| drift[v]);
-        let pieces = pieces.max((stride.time / stride.longest).ceil() as usize) << stride.halved;
+        let pieces = pieces.max((stride.time / stride.longest).ceil() as usize) << halved;
         let from = self.body.now.verts().to_vec();
         let pace = Pace {
             step: stride.time / pieces as f64,
