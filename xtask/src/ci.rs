@@ -20,6 +20,22 @@ pub fn run() -> Outcome {
         ],
         &[],
     )?;
+    // What a device needs, which the default build leaves out.
+    cargo(
+        &[
+            "clippy",
+            "--package",
+            "muslin-model",
+            "--all-targets",
+            "--features",
+            "cuda",
+            "--locked",
+            "--",
+            "-D",
+            "warnings",
+        ],
+        &[],
+    )?;
     cargo(
         &["doc", "--workspace", "--no-deps", "--locked"],
         &[("RUSTDOCFLAGS", "-D warnings")],

@@ -9,6 +9,7 @@ mod assets_pose;
 mod assets_wardrobe;
 mod check_body;
 mod check_ccd;
+mod check_cuda;
 mod check_gltf;
 mod check_npz;
 mod check_pose;
@@ -21,7 +22,7 @@ mod wheel;
 
 use std::process::ExitCode;
 
-const USAGE: &str = "usage: cargo xtask ci | walls | assets body|garments|pose|swings|wardrobe | check body|ccd|gltf|npz|pose | peers [ARGS]";
+const USAGE: &str = "usage: cargo xtask ci | walls | assets body|garments|pose|swings|wardrobe | check body|ccd|cuda|gltf|npz|pose | peers [ARGS]";
 
 /// Every job says in words what went wrong.
 pub(crate) type Outcome = Result<(), String>;
@@ -49,6 +50,7 @@ fn run(words: &[&str]) -> Outcome {
         ["assets", "wardrobe", rest @ ..] => assets_wardrobe::build(rest),
         ["check", "body", rest @ ..] => check_body::run(rest),
         ["check", "ccd", rest @ ..] => check_ccd::run(rest),
+        ["check", "cuda"] => check_cuda::run(),
         ["check", "gltf", rest @ ..] => check_gltf::run(rest),
         ["check", "npz", rest @ ..] => check_npz::run(rest),
         ["check", "pose", rest @ ..] => check_pose::run(rest),

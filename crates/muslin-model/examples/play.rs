@@ -3,12 +3,13 @@
 //!
 //! The model is made up: a tube around the spine and arms, six bones a vertex, random shapes. What
 //! it costs is that of a trained one. Prints the least of many short runs; the posed bones are
-//! given, as an engine gives them.
+//! given, as an engine gives them. Then crowds on all cores, and with `--features cuda` on a CUDA device.
 
 use std::time::Instant;
 
+use glam::DAffine3;
 use muslin_body::{Avatar, Pose, Shape, motions};
-use muslin_model::{Encoder, FOLLOWED, Model, Player, Reader, Skin, Sway, Wall};
+use muslin_model::{Crowd, CrowdError, Encoder, FOLLOWED, Model, Player, Reader, Skin, Sway, Wall};
 use muslin_net::learn::{Mlp, Noise, Nonlinear};
 
 /// Points whose motion stands for the tube's.
@@ -65,6 +66,36 @@ fn main() {
         rate(batched),
         rate(turned)
     );
+    let crowds = [
+        (
+            64,
+            Crowd::on_cores(&model, &avatar, 64).map_err(CrowdError::from),
+        ),
+        (1024, Crowd::on_cuda(&model, &avatar, 1024)),
+        (4096, Crowd::on_cuda(&model, &avatar, 4096)),
+    ];
+    for (wearers, crowd) in crowds {
+        // Everybody is somewhere else in the walk.
+        let one = |k: usize| all[(k / wearers + 7 * (k % wearers)) % all.len()];
+        let told: Vec<_> = (0..4 * wearers).map(one).collect();
+        match crowd.and_then(|mut crowd| Ok((crowd.place(), fastest(&mut crowd, &told)?))) {
+            Ok((place, rate)) => {
+                println!("a crowd of {wearers} on {place}: {rate:.0} frames a second with normals");
+            }
+            Err(why) => println!("no crowd of {wearers}: {why}"),
+        }
+    }
+}
+
+/// Frames a second at best.
+fn fastest(crowd: &mut Crowd, told: &[(&Pose, &[DAffine3])]) -> Result<f64, CrowdError> {
+    let mut best = f64::INFINITY;
+    for _ in 0..30 {
+        let since = Instant::now();
+        crowd.play(told)?;
+        best = best.min(since.elapsed().as_secs_f64());
+    }
+    Ok(told.len() as f64 / best)
 }
 
 /// The least time of many runs [s].

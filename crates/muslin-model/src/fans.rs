@@ -4,12 +4,12 @@
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Fans {
     /// Where each place's fans start, and the end of the last.
-    starts: Vec<u32>,
+    pub starts: Vec<u32>,
     /// Where each fan's neighbours start, and the end of the last.
-    spans: Vec<u32>,
+    pub spans: Vec<u32>,
     /// Places around a vertex, in the sense of its faces: each and the next make a face with it. A closed fan ends with
     /// whom it began.
-    around: Vec<u32>,
+    pub around: Vec<u32>,
 }
 
 impl Fans {

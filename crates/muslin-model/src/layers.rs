@@ -6,8 +6,8 @@ use muslin_net::learn::{Gru, Linear, Mlp, Nonlinear};
 #[derive(Clone, Debug)]
 pub(crate) struct Dense {
     /// By input, then output.
-    weights: Vec<f32>,
-    bias: Vec<f32>,
+    pub weights: Vec<f32>,
+    pub bias: Vec<f32>,
 }
 
 impl Dense {
@@ -74,10 +74,10 @@ fn gather(out: &mut [f32], x: &[f32], rows: &[f32]) {
 /// A perceptron, with room for what passes through it.
 #[derive(Clone, Debug)]
 pub(crate) struct Chain {
-    layers: Vec<Dense>,
-    bend: Nonlinear,
+    pub layers: Vec<Dense>,
+    pub bend: Nonlinear,
     /// Whether the last layer is bent as well.
-    bends_last: bool,
+    pub bends_last: bool,
     room: [Vec<f32>; 2],
 }
 

@@ -10,6 +10,9 @@
 //! before. Cloth in motion swings about what the pose tells, as its [`Sway`] says.
 
 mod blocks;
+mod crowd;
+#[cfg(feature = "cuda")]
+mod cuda;
 mod decode;
 mod describe;
 mod encoder;
@@ -21,15 +24,19 @@ mod mind;
 mod model;
 mod packed;
 mod player;
+mod reading;
 mod resizer;
 mod steps;
 mod stored;
 mod stream;
 mod sway;
 mod swing;
+#[cfg(any(test, feature = "cuda"))]
+mod tables;
 mod ties;
 mod walls;
 
+pub use crowd::{Crowd, CrowdError};
 pub use describe::Reader;
 pub use encoder::{Encoder, Ncs, Snug};
 pub use error::ModelError;

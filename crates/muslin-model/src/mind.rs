@@ -49,10 +49,15 @@ impl Mind {
 
     /// Forgets the poses before.
     pub fn begin(&mut self) {
+        self.cells().iter_mut().for_each(|c| c.state.fill(0.0));
+    }
+
+    /// What remembers the poses before.
+    pub fn cells(&mut self) -> &mut [Cell] {
         match self {
-            Self::Still(_) => {}
-            Self::Snug(cells) => cells.iter_mut().for_each(|c| c.state.fill(0.0)),
-            Self::Ncs(m) => m.cell.state.fill(0.0),
+            Self::Still(_) => &mut [],
+            Self::Snug(cells) => cells,
+            Self::Ncs(m) => std::slice::from_mut(&mut m.cell),
         }
     }
 

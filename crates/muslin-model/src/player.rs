@@ -7,9 +7,10 @@ use crate::blocks::Blocks;
 use crate::decode::{Affine, One, Placed};
 use crate::group::{GROUP, Group, Room};
 use crate::mind::Mind;
+use crate::reading::Reading;
 use crate::steps::{self, Two};
-use crate::swing::Swing;
-use crate::{Model, ModelError, Stream};
+use crate::swing::{Past, Swing};
+use crate::{Model, ModelError};
 
 /// Seconds from pose to pose until a sequence says otherwise.
 pub(crate) const STEP: f64 = 1.0 / 30.0;
@@ -19,16 +20,12 @@ pub(crate) const STEP: f64 = 1.0 / 30.0;
 /// A model that knows motion is told poses in the order of time; [`Player::begin`] starts anew.
 #[derive(Clone, Debug)]
 pub struct Player {
-    stream: Stream,
-    scale: Vec<[f32; 2]>,
+    reading: Reading,
     mind: Mind,
     swing: Option<Swing>,
     blocks: Blocks,
-    /// The model's bones in the avatar's rig.
-    rig: Vec<usize>,
-    /// What the network reads: of the pose, and at the end what it is told once.
+    /// What the network is told.
     input: Vec<f32>,
-    told: usize,
     /// Codes and bones of a group.
     codes: Vec<f32>,
     affine: Vec<Affine>,
@@ -38,35 +35,31 @@ pub struct Player {
     lie: Vec<Placed>,
 }
 
+/// What a player remembers of a sequence, and what reads its poses.
+#[derive(Clone, Debug)]
+pub(crate) struct Memory {
+    reading: Reading,
+    states: Vec<Vec<f32>>,
+    swing: Option<Past>,
+}
+
 impl Player {
     /// Prepares `model` for bodies of this avatar.
     pub fn new(model: &Model, avatar: &Avatar) -> Result<Self, ModelError> {
-        let stream = Stream::new(&model.encoder, &model.drivers, avatar)?;
-        let find = |name: &String| {
-            let bone = avatar.bone(name);
-            bone.map_err(|_| ModelError::NoBone(name.clone()))
-        };
-        let rig = model
-            .bones
-            .iter()
-            .map(find)
-            .collect::<Result<Vec<_>, _>>()?;
+        let reading = Reading::new(model, avatar)?;
         let blocks = Blocks::new(model);
         let mut swing = Swing::new(model);
         swing.iter_mut().for_each(|s| s.begin(STEP));
         Ok(Self {
             swing,
-            input: inputs(model),
-            told: model.encoder.n_told(model.traits.len()),
-            stream,
-            scale: model.scale.clone(),
+            input: vec![0.0; reading.n_inputs()],
             mind: Mind::new(&model.encoder, &model.params),
-            affine: vec![[0.0; 12]; GROUP * rig.len()],
+            affine: vec![[0.0; 12]; GROUP * reading.n_bones()],
             codes: vec![0.0; GROUP * blocks.n_codes],
-            room: Room::new(&blocks, rig.len()),
+            room: Room::new(&blocks, reading.n_bones()),
             twos: vec![[0; 2]; blocks.n_twos()],
             lie: vec![[Vec3A::ZERO; 2]; blocks.n_verts],
-            rig,
+            reading,
             blocks,
         })
     }
@@ -80,9 +73,29 @@ impl Player {
     /// `step` is the time from pose to pose [s]; 1/30 s until it is said. Where a frame depends on
     /// its pose alone, this changes nothing.
     pub fn begin(&mut self, step: f64) {
-        self.stream.begin(step);
+        self.reading.begin(step);
         self.mind.begin();
         self.swing.iter_mut().for_each(|s| s.begin(step));
+    }
+
+    /// What it remembers.
+    pub(crate) fn memory(&mut self) -> Memory {
+        Memory {
+            reading: self.reading.clone(),
+            states: self.mind.cells().iter().map(|c| c.state.clone()).collect(),
+            swing: self.swing.as_ref().map(|s| s.past.clone()),
+        }
+    }
+
+    /// Goes on with another sequence of the same step, and leaves what it remembers of this one in its place.
+    pub(crate) fn exchange(&mut self, memory: &mut Memory) {
+        std::mem::swap(&mut self.reading, &mut memory.reading);
+        for (cell, state) in self.mind.cells().iter_mut().zip(&mut memory.states) {
+            std::mem::swap(&mut cell.state, state);
+        }
+        for (swing, past) in self.swing.iter_mut().zip(&mut memory.swing) {
+            std::mem::swap(&mut swing.past, past);
+        }
     }
 
     /// How much motion counts, where the model can tell it from the pose
@@ -129,7 +142,7 @@ impl Player {
         steps::fastest(One {
             blocks: &self.blocks,
             codes: &self.codes[..self.blocks.n_codes],
-            bones: &self.affine[..self.rig.len()],
+            bones: &self.affine[..self.reading.n_bones()],
             twos: &mut self.twos,
             out,
             normals: normals.map(|n| (&mut self.lie[..], n)),
@@ -184,7 +197,7 @@ impl Player {
             steps::fastest(Group {
                 blocks: &self.blocks,
                 codes: &self.codes[..poses.len() * self.blocks.n_codes],
-                bones: &self.affine[..poses.len() * self.rig.len()],
+                bones: &self.affine[..poses.len() * self.reading.n_bones()],
                 room: &mut self.room,
                 out,
                 normals: normals.as_mut().and_then(Iterator::next),
@@ -193,18 +206,10 @@ impl Player {
     }
 
     /// Codes and bones of a pose into a slot of the batch.
-    fn read(&mut self, (pose, bones): (&Pose, &[DAffine3]), slot: usize) {
-        let n = self.input.len() - self.told;
-        let input = &mut self.input[..n];
-        self.stream.read(pose, bones, input);
-        for (x, [mean, scale]) in input.iter_mut().zip(&self.scale) {
-            *x = (*x - mean) * scale;
-        }
-        let n = self.rig.len();
+    fn read(&mut self, pose: (&Pose, &[DAffine3]), slot: usize) {
+        let n = self.reading.n_bones();
         let own = &mut self.affine[slot * n..(slot + 1) * n];
-        for (a, &b) in own.iter_mut().zip(&self.rig) {
-            *a = bones[b].to_cols_array().map(|x| x as f32);
-        }
+        self.reading.read(pose, &mut self.input, own);
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || self.encode(slot),
@@ -219,19 +224,11 @@ impl Player {
         let (posed, swung) = own.split_at_mut(codes.len());
         posed.copy_from_slice(codes);
         if let Some(swing) = &mut self.swing {
-            let m = self.rig.len();
+            let m = self.reading.n_bones();
             swing.codes(codes, &self.affine[slot * m..(slot + 1) * m], swung);
         }
         for (code, worth) in own.iter_mut().zip(&self.blocks.by_code) {
             *code *= worth;
         }
     }
-}
-
-/// Room for what the network reads of a pose, and the traits as it reads them.
-fn inputs(model: &Model) -> Vec<f32> {
-    let n = model.encoder.n_inputs(model.drivers.len());
-    let told = model.traits.iter().zip(&model.scale[n..]);
-    let told = told.map(|(t, [mean, scale])| (t.value - mean) * scale);
-    std::iter::repeat_n(0.0, n).chain(told).collect()
 }

@@ -23,23 +23,30 @@ pub(crate) struct Swing {
     pulls: Dense,
     damping: Vec<f32>,
     stiffness: Vec<f32>,
-    walls: Walls,
-    ties: Ties,
+    pub walls: Walls,
+    pub ties: Ties,
     /// Seconds from frame to frame, and the inverse of the system for that, by rows.
     step: f32,
-    inverse: Vec<f32>,
-    /// How many frames were seen, as far as that matters.
-    seen: usize,
-    /// Where the points were and how fast they went: in the last frame, and one before [m, m/s].
-    past: [Vec<[Vec3A; 2]>; 2],
-    /// Codes of the last frame, and of the one before.
-    codes: [Vec<f32>; 2],
+    pub inverse: Vec<f32>,
+    /// What is remembered of a sequence.
+    pub past: Past,
     /// Room for a frame.
     here: Vec<(Vec3A, Mat3A)>,
     each: Vec<f32>,
     right: Vec<f32>,
     /// How much of the swing is shown.
     pub level: f32,
+}
+
+/// What is remembered of the frames before.
+#[derive(Clone, Debug)]
+pub(crate) struct Past {
+    /// How many frames were seen, as far as that matters.
+    seen: usize,
+    /// Where the points were and how fast they went: in the last frame, and one before [m, m/s].
+    points: [Vec<[Vec3A; 2]>; 2],
+    /// Codes of the last frame, and of the one before.
+    codes: [Vec<f32>; 2],
 }
 
 /// Where bones carry a point, and how they turn what is around it.
@@ -61,7 +68,7 @@ fn bones_of(model: &Model, v: usize) -> Vec<(u8, f32)> {
 }
 
 /// From the pose's codes to where vertices are before they are carried, axis by axis [m].
-fn still(model: &Model, verts: impl Iterator<Item = usize> + Clone) -> Dense {
+pub(crate) fn still(model: &Model, verts: impl Iterator<Item = usize> + Clone) -> Dense {
     let codes = model.n_codes() - 1;
     let rows = verts.flat_map(|v| (0..3).map(move |axis| (v, axis)));
     let row = |(v, axis): (usize, usize)| &model.modes[(3 * v + axis) * (codes + 1)..][..=codes];
@@ -105,9 +112,11 @@ impl Swing {
             ties: Ties::new(model, sway),
             step: 0.0,
             inverse: vec![0.0; k * k],
-            seen: 0,
-            past: [vec![[Vec3A::ZERO; 2]; n], vec![[Vec3A::ZERO; 2]; n]],
-            codes: [vec![0.0; k], vec![0.0; k]],
+            past: Past {
+                seen: 0,
+                points: [vec![[Vec3A::ZERO; 2]; n], vec![[Vec3A::ZERO; 2]; n]],
+                codes: [vec![0.0; k], vec![0.0; k]],
+            },
             here: vec![(Vec3A::ZERO, Mat3A::IDENTITY); n],
             each: vec![0.0; 3 * n],
             right: vec![0.0; k],
@@ -123,7 +132,7 @@ impl Swing {
 
     /// Starts anew, with that many seconds from frame to frame.
     pub fn begin(&mut self, step: f64) {
-        self.seen = 0;
+        self.past.seen = 0;
         if self.step == step as f32 {
             return;
         }
@@ -153,30 +162,30 @@ impl Swing {
         self.rest(z, bones);
         let k = self.len();
         let tau = 2.0 / 3.0 * self.step;
-        match self.seen {
+        match self.past.seen {
             // Cloth that one sees for the first time goes along with the body.
             0 | 1 => {
                 for (i, (y, _)) in self.here.iter().enumerate() {
-                    let [x, v] = &mut self.past[0][i];
-                    *v = match self.seen {
+                    let [x, v] = &mut self.past.points[0][i];
+                    *v = match self.past.seen {
                         0 => Vec3A::ZERO,
                         _ => (*y - *x) / self.step,
                     };
                     *x = *y;
                 }
-                self.codes.iter_mut().for_each(|q| q.fill(0.0));
-                let [now, before] = &mut self.past;
+                self.past.codes.iter_mut().for_each(|q| q.fill(0.0));
+                let [now, before] = &mut self.past.points;
                 for (b, [x, v]) in before.iter_mut().zip(now) {
                     *b = [*x - *v * self.step, *v];
                 }
-                self.seen += 1;
+                self.past.seen += 1;
             }
             _ => {
                 self.walls.stand(z, bones);
                 self.step(tau);
             }
         }
-        for (to, q) in out[..k].iter_mut().zip(&self.codes[0]) {
+        for (to, q) in out[..k].iter_mut().zip(&self.past.codes[0]) {
             *to = self.level * q;
         }
     }
@@ -197,14 +206,14 @@ impl Swing {
         let k = self.len();
         let pulls = self.each.as_chunks_mut::<3>().0;
         for (i, to) in pulls.iter_mut().enumerate() {
-            let ([x1, v1], [x2, v2]) = (self.past[0][i], self.past[1][i]);
+            let ([x1, v1], [x2, v2]) = (self.past.points[0][i], self.past.points[1][i]);
             let free = (x1 * 4.0 - x2) / 3.0 + (v1 * 4.0 - v2) * (tau / 3.0);
             let (y, turn) = &self.here[i];
             let pull = turn.transpose() * (free - *y) * (self.points[i].mass / (tau * tau));
             *to = pull.to_array();
         }
         self.pulls.apply(&self.each, &mut self.right);
-        let [q1, q2] = &mut self.codes;
+        let [q1, q2] = &mut self.past.codes;
         for i in 0..k {
             self.right[i] += self.damping[i] / tau * (4.0 * q1[i] - q2[i]) / 3.0;
         }
@@ -224,7 +233,7 @@ impl Swing {
             self.walls.hold(q1);
         }
         self.ways.apply(q1, &mut self.each);
-        let [now, before] = &mut self.past;
+        let [now, before] = &mut self.past.points;
         for (i, way) in self.each.as_chunks::<3>().0.iter().enumerate() {
             let (y, turn) = &self.here[i];
             let x = *y + *turn * Vec3A::from_array(*way);

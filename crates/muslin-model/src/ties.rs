@@ -22,9 +22,9 @@ const MOST: usize = 64;
 /// Pairs of neighbouring points, and how far apart they may be.
 #[derive(Clone, Debug)]
 pub(crate) struct Ties {
-    pairs: Vec<[u32; 2]>,
+    pub pairs: Vec<[u32; 2]>,
     /// In metres.
-    longest: Vec<f32>,
+    pub longest: Vec<f32>,
     /// Where the points are [m].
     at: Vec<Vec3A>,
 }

@@ -18,7 +18,7 @@ const ROUNDS: usize = 3;
 const NEAR: f32 = 0.004;
 const LEAST: f32 = 0.001;
 /// Out of the skin from its point [m]: two points that bones carry, between which the way out lies in a pose.
-const TIP: f32 = 0.05;
+pub(crate) const TIP: f32 = 0.05;
 
 /// Walls of a model: `n·(x - f + Φ q)` stays beyond [`NEAR`], or no more than
 /// [`LEAST`] below where the pose alone leaves it.
@@ -36,15 +36,15 @@ pub(crate) struct Walls {
     codes: Vec<f32>,
     twos: Vec<Two>,
     /// `nᵀ Φ` of every wall, one entry per swing.
-    ways: Vec<f32>,
+    pub ways: Vec<f32>,
     /// How far each may swing towards its skin [m].
     rooms: Vec<f32>,
     /// How far swings take each towards it [m], and room for that.
     towards: Dense,
     all: Vec<f32>,
     /// `A⁻¹ a`, with `A` the system of a step, and `1 / aᵀ A⁻¹ a`.
-    pushes: Vec<f32>,
-    gains: Vec<f32>,
+    pub pushes: Vec<f32>,
+    pub gains: Vec<f32>,
 }
 
 impl Walls {

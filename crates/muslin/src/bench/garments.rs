@@ -8,7 +8,7 @@ use muslin_body::Avatar;
 use muslin_energy::{RestTriangle, membrane, plate, point};
 use muslin_geom::{Mesh, Value, self_intersections};
 use muslin_io::Clip;
-use muslin_model::{Model, Player};
+use muslin_model::{Crowd, CrowdError, Model, Player};
 use muslin_sim::{Cloth, Settled};
 use rayon::prelude::*;
 
@@ -423,7 +423,7 @@ fn speed(
     (clip, worn): (&Path, &DressOptions),
 ) -> Result<String, Failure> {
     let avatar = who.0;
-    let set = &set((who, model), (clip, 30.0, worn), Some(0.1))?;
+    let set = &set((who, model), (clip, 30.0, worn), Some(1.0))?;
     let mut model = set.told(0, model.clone())?;
     if swings::are_ours(&model) {
         model = swings::swinging(model, (avatar, &set.figure), &set.cloth)?;
@@ -448,14 +448,51 @@ fn speed(
         player.frames_with_normals(&poses, (&mut out, &mut normals));
     });
     Ok(format!(
-        "network, swings, shapes and skinning on one core: {:.0} frames a second, 32 together {:.0}; with normals {:.0} and {:.0}; with the posed bones but no normals {:.0}; refined by {REFINE} on all cores {:.1}",
+        "network, swings, shapes and skinning on one core: {:.0} frames a second, 32 together {:.0}; with normals {:.0} and {:.0}; with the posed bones but no normals {:.0}; {}; refined by {REFINE} on all cores {:.1}",
         1e3 / network.wall,
         32e3 / together.wall,
         1e3 / turned.wall,
         32e3 / turned_together.wall,
         1e3 / with_bones.wall,
+        crowds(model, set)?,
         refined_rate((who, model), (clip, worn))?
     ))
+}
+
+/// Wearers of a crowd on cores and on a device, and moments that they are told at once.
+const CROWDS: [usize; 2] = [64, 1024];
+const MOMENTS: usize = 4;
+
+/// Frames a second of crowds, with normals: on all cores, and on a CUDA device where there is one.
+fn crowds(model: &Model, set: &Set) -> Result<String, Failure> {
+    let poses = &set.moving.motion.poses[set.moving.lead..];
+    let bones: Vec<_> = (poses.iter())
+        .map(|p| set.avatar.bones(&set.figure, p))
+        .collect();
+    let rate = |crowd: Result<Crowd, CrowdError>, wearers: usize| {
+        let mut crowd = crowd?;
+        // Everybody is somewhere else in the clip.
+        let all: Vec<_> = (0..MOMENTS * wearers)
+            .map(|k| (k / wearers + 7 * (k % wearers)) % poses.len())
+            .map(|k| (&poses[k], &bones[k][..]))
+            .collect();
+        crowd.play(&all)?;
+        let mut failed = None;
+        let least = least_of(5, || failed = crowd.play(&all).err().or(failed.take()));
+        let told = format!(
+            "a crowd of {wearers} on {} {:.0}",
+            crowd.place(),
+            1e3 * all.len() as f64 / least.wall
+        );
+        failed.map_or(Ok(told), Err)
+    };
+    let [few, many] = CROWDS;
+    let cores = Crowd::on_cores(model, set.avatar, few).map_err(|e| model_failure(&e))?;
+    let cores = rate(Ok(cores), few).expect("cores do not fail");
+    Ok(match rate(Crowd::on_cuda(model, set.avatar, many), many) {
+        Ok(device) => format!("{cores}, {device}"),
+        Err(why) => format!("{cores} ({why})"),
+    })
 }
 
 /// Frames a second of the refined tier, as it is delivered one after the other; what leads to the first is left out.
