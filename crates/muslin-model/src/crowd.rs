@@ -179,8 +179,9 @@ impl Cores {
 
     fn play(&mut self, poses: &[(&Pose, &[DAffine3])]) {
         let wearers = self.wearers.len();
-        self.moments = moments(poses.len(), wearers);
-        let lot = self.moments * self.n_verts;
+        let moments = moments(poses.len(), wearers);
+        self.moments = moments;
+        let lot = moments * self.n_verts;
         self.x.resize(wearers * lot, [0.0; 3]);
         self.normals.resize(wearers * lot, [0.0; 3]);
         if lot == 0 {
@@ -190,17 +191,10 @@ impl Cores {
         let room =
             (self.x.par_chunks_mut(share * lot)).zip(self.normals.par_chunks_mut(share * lot));
         let all = (self.wearers.par_chunks_mut(share).zip(room)).zip(&mut self.players);
-        all.enumerate()
-            .for_each(|(part, ((own, (x, normals)), player))| {
-                let room = x.chunks_mut(lot).zip(normals.chunks_mut(lot));
-                for (k, (memory, room)) in own.iter_mut().zip(room).enumerate() {
-                    let who = part * share + k;
-                    let poses: Vec<_> = poses.iter().skip(who).step_by(wearers).copied().collect();
-                    player.exchange(memory);
-                    player.frames_with_normals(&poses, room);
-                    player.exchange(memory);
-                }
-            });
+        all.enumerate().for_each(|(part, ((own, room), player))| {
+            let pose = |who: usize, moment: usize| poses[moment * wearers + part * share + who];
+            player.frames_of_many((own, moments), pose, room);
+        });
     }
 
     fn span(&self, moment: usize, wearer: usize) -> std::ops::Range<usize> {

@@ -88,7 +88,7 @@ impl Player {
     }
 
     /// Goes on with another sequence of the same step, and leaves what it remembers of this one in its place.
-    pub(crate) fn exchange(&mut self, memory: &mut Memory) {
+    fn exchange(&mut self, memory: &mut Memory) {
         std::mem::swap(&mut self.reading, &mut memory.reading);
         for (cell, state) in self.mind.cells().iter_mut().zip(&mut memory.states) {
             std::mem::swap(&mut cell.state, state);
@@ -194,15 +194,42 @@ impl Player {
             for (slot, pose) in poses.iter().enumerate() {
                 self.read(*pose, slot);
             }
-            steps::fastest(Group {
-                blocks: &self.blocks,
-                codes: &self.codes[..poses.len() * self.blocks.n_codes],
-                bones: &self.affine[..poses.len() * self.reading.n_bones()],
-                room: &mut self.room,
-                out,
-                normals: normals.as_mut().and_then(Iterator::next),
-            });
+            let normals = normals.as_mut().and_then(Iterator::next);
+            self.group(poses.len(), out, normals);
         }
+    }
+
+    /// The next moments of several sequences, one after the other; `pose` gives that of a sequence in a moment.
+    pub(crate) fn frames_of_many<'a>(
+        &mut self,
+        (sequences, moments): (&mut [Memory], usize),
+        pose: impl Fn(usize, usize) -> (&'a Pose, &'a [DAffine3]),
+        (out, normals): (&mut [[f32; 3]], &mut [[f32; 3]]),
+    ) {
+        let (n, lot) = (sequences.len() * moments, GROUP * self.n_verts().max(1));
+        let room = out.chunks_mut(lot).zip(normals.chunks_mut(lot));
+        for (first, (out, normals)) in (0..n).step_by(GROUP).zip(room) {
+            let slots = GROUP.min(n - first);
+            for slot in 0..slots {
+                let (who, moment) = ((first + slot) / moments, (first + slot) % moments);
+                self.exchange(&mut sequences[who]);
+                self.read(pose(who, moment), slot);
+                self.exchange(&mut sequences[who]);
+            }
+            self.group(slots, out, Some(normals));
+        }
+    }
+
+    /// The frames whose codes and bones are in so many slots.
+    fn group(&mut self, slots: usize, out: &mut [[f32; 3]], normals: Option<&mut [[f32; 3]]>) {
+        steps::fastest(Group {
+            blocks: &self.blocks,
+            codes: &self.codes[..slots * self.blocks.n_codes],
+            bones: &self.affine[..slots * self.reading.n_bones()],
+            room: &mut self.room,
+            out,
+            normals,
+        });
     }
 
     /// Codes and bones of a pose into a slot of the batch.

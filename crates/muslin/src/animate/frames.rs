@@ -58,7 +58,6 @@ pub(crate) fn play(
     watch: &mut Watch,
 ) -> Result<Played, Failure> {
     let raw = predict((set, models), (level, 1))?;
-    let n = raw.frames.len();
     let all_swing = models.iter().all(|m| m.sway.is_some());
     let inertia = if all_swing { level } else { 0.0 };
     let mut solved = match refine {
@@ -74,12 +73,17 @@ pub(crate) fn play(
         }
     };
     if refine > 0 {
-        let bad: Vec<usize> = (0..n).filter(|k| solved[*k].faults > 0).collect();
-        for (i, k) in bad.iter().enumerate() {
+        let bad: Vec<bool> = solved.iter().map(|s| s.faults > 0).collect();
+        let (many, mut i) = (bad.iter().filter(|b| **b).count(), 0);
+        inwards(&bad, |k| {
             watch.go_on()?;
-            watch.progress(&format!("frame {k} once more, {i} of {}", bad.len()));
-            reach(set, *k, &mut solved)?;
-        }
+            watch.progress(&format!(
+                "frame {k} once more, {i} of {many} that are not clean"
+            ));
+            i += 1;
+            reach(set, k, &mut solved)?;
+            Ok(solved[k].faults == 0)
+        })?;
     }
     let (mut reel, mut again) = (Reel::default(), 0);
     for s in solved {
@@ -279,6 +283,34 @@ fn one_over_the_other((set, models): (&Set, &[Model]), flat: &[Vec<[f32; 3]>]) -
     }))
 }
 
+/// Tries frames that are bad, from both ends of every run of them inwards, for as long as each becomes good: the way to those
+/// behind one that does not leads through it.
+fn inwards(
+    bad: &[bool],
+    mut becomes_good: impl FnMut(usize) -> Result<bool, Failure>,
+) -> Result<(), Failure> {
+    let n = bad.len();
+    let mut next = 0;
+    while let Some(first) = (next..n).find(|k| bad[*k]) {
+        let end = (first..n).find(|k| !bad[*k]).unwrap_or(n);
+        let mut left = first;
+        // Nothing good lies before the first frame, unless nothing does anywhere.
+        if first > 0 || end == n {
+            while left < end && becomes_good(left)? {
+                left += 1;
+            }
+            // The one that failed.
+            left = (left + 1).min(end);
+        }
+        let mut right = end;
+        while end < n && right > left && becomes_good(right - 1)? {
+            right -= 1;
+        }
+        next = end;
+    }
+    Ok(())
+}
+
 /// Solves frame `k` from the nearest clean one, else from the rest pose.
 fn reach(set: &Set, k: usize, solved: &mut [Solved]) -> Result<(), Failure> {
     let since = Instant::now();
@@ -391,4 +423,34 @@ pub(crate) fn predict(
         inside: 100.0 * inside as f64 / all as f64,
         frames,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames tried, in order, where those of `stay` do not become good.
+    fn tried(bad: &str, stay: &[usize]) -> Vec<usize> {
+        let bad: Vec<bool> = bad.chars().map(|c| c == 'x').collect();
+        let mut all = Vec::new();
+        let told = inwards(&bad, |k| {
+            all.push(k);
+            Ok(!stay.contains(&k))
+        });
+        told.expect("nobody stops it");
+        all
+    }
+
+    #[test]
+    fn frames_behind_one_that_stays_bad_are_tried_from_the_other_end() {
+        assert_eq!(tried("..xxx.x.", &[]), [2, 3, 4, 6]);
+        assert_eq!(tried("..xxxxx.", &[3]), [2, 3, 6, 5, 4]);
+        assert_eq!(tried("..xxxxx.", &[3, 5]), [2, 3, 6, 5]);
+        // No good frame before the first, or after the last.
+        assert_eq!(tried("xxx..", &[]), [2, 1, 0]);
+        assert_eq!(tried("xxx..", &[1]), [2, 1]);
+        assert_eq!(tried("..xxx", &[2]), [2]);
+        assert_eq!(tried("xxx", &[1]), [0, 1]);
+        assert_eq!(tried("....", &[]), [0; 0]);
+    }
 }
