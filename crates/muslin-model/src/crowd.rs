@@ -32,8 +32,8 @@ pub enum CrowdError {
     /// Nothing here can play it.
     #[error("no CUDA device: {0}")]
     NoDevice(String),
-    /// Networks that remember poses are played on cores.
-    #[error("{0} networks are played on cores alone, not on CUDA devices")]
+    /// What of the model no device plays.
+    #[error("{0} are played on cores alone, not on CUDA devices")]
     NotThere(&'static str),
     /// The device gave up.
     #[error("the CUDA device failed: {0}")]

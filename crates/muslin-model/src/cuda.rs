@@ -79,6 +79,8 @@ struct Kernels {
 /// Arrays that have an entry a frame.
 #[derive(Debug)]
 struct Frames {
+    /// How many there is room for.
+    count: usize,
     input: CudaSlice<f32>,
     bones: CudaSlice<f32>,
     /// What layers give each other, in turns.
@@ -138,8 +140,7 @@ impl OnDevice {
     pub fn new(model: &Model, avatar: &Avatar, wearers: usize) -> Result<Self, CrowdError> {
         let reading = Reading::new(model, avatar)?;
         at_hand()?;
-        let mut tables =
-            Tables::new(model).ok_or_else(|| CrowdError::NotThere(model.encoder.name()))?;
+        let mut tables = Tables::new(model).map_err(CrowdError::NotThere)?;
         tables.begin(STEP);
         // A driver that is too old for what is asked of it is found out by panics.
         let opened = catch_unwind(AssertUnwindSafe(|| CudaContext::new(0)));
@@ -151,7 +152,7 @@ impl OnDevice {
         let lot = FRAMES
             .into_iter()
             .find(|f| shared(&tables.layout, *f) <= SHARED);
-        let lot = lot.ok_or(CrowdError::NotThere("so wide"))?;
+        let lot = lot.ok_or(CrowdError::NotThere("garments on so many bones"))?;
         let module = context.load_module(compiled(&context, lot)?)?;
         let kernel = |name| module.load_function(name);
         let stream = context.default_stream();
@@ -206,7 +207,8 @@ impl OnDevice {
     pub fn play(&mut self, poses: &[(&Pose, &[DAffine3])]) -> Result<(), CrowdError> {
         let n = moments(poses.len(), self.wearers);
         self.read_poses(poses);
-        if n > self.moments || self.room.is_none() {
+        if self.room.as_ref().is_none_or(|r| r.count < poses.len()) {
+            // Never both at once.
             self.room = None;
             self.room = Some(self.frames(poses.len())?);
         }
@@ -252,6 +254,7 @@ impl OnDevice {
             .max()
             .map_or(1, |w| *w as usize);
         Ok(Frames {
+            count: n,
             input: room(self.reading.n_inputs())?,
             bones: room(12 * l.n_bones as usize)?,
             between: [room(widest)?, room(widest)?],

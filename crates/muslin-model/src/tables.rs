@@ -112,16 +112,15 @@ pub(crate) struct Tables {
 }
 
 impl Tables {
-    /// Of a model; nothing where a device does not play its kind: networks that remember, and more swings than
-    /// there is room for.
-    pub fn new(model: &Model) -> Option<Self> {
+    /// Of a model; else what of it a device does not play.
+    pub fn new(model: &Model) -> Result<Self, &'static str> {
         let (mlp, bends_last) = match &model.encoder {
             Encoder::Plain(m) => (m, false),
             Encoder::Pbns(m) => (m, true),
-            Encoder::Snug(_) | Encoder::Ncs(_) => return None,
+            Encoder::Snug(_) | Encoder::Ncs(_) => return Err("networks that remember poses"),
         };
         if n_swings(model) > MOST_SWINGS {
-            return None;
+            return Err("more than 64 swings");
         }
         let chain = Chain::new(mlp, &model.params, bends_last);
         let mut out = Self {
@@ -143,7 +142,7 @@ impl Tables {
             out.points(model, sway);
             out.walls(model, sway);
         }
-        Some(out)
+        Ok(out)
     }
 
     /// Where floats begin that are added here.
