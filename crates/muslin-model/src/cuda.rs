@@ -338,6 +338,8 @@ impl OnDevice {
     ) -> Result<(), CrowdError> {
         assert!(moment < self.moments, "no moment {moment}");
         assert!(wearer < self.wearers, "no wearer {wearer}");
+        let each = [out.len(), normals.len()];
+        assert_eq!(each, [self.n_verts(); 2], "one entry per vertex");
         let room = self.room.as_ref().expect("there are moments");
         let n = 3 * self.n_verts();
         let at = (moment * self.wearers + wearer) * n;

@@ -122,6 +122,10 @@ impl Tables {
         if n_swings(model) > MOST_SWINGS {
             return Err("more than 64 swings");
         }
+        // A device asks nobody whether a place is in an array.
+        if !fits(model) {
+            return Err("models whose parts do not fit each other");
+        }
         let chain = Chain::new(mlp, &model.params, bends_last);
         let mut out = Self {
             layout: Layout {
@@ -277,6 +281,16 @@ impl Tables {
             self.floats[at as usize..][..part.len()].copy_from_slice(part);
         }
     }
+}
+
+/// Whether whatever names a vertex, a bone or an input names one that there is.
+fn fits(model: &Model) -> bool {
+    let (n, bones) = (model.n_verts(), model.bones.len());
+    let told = model.encoder.n_told(model.traits.len());
+    model.encoder.fits(model.drivers.len(), told)
+        && model.skin.n_verts() == n
+        && model.skin.bones.iter().all(|b| usize::from(*b) < bones)
+        && model.sway.as_ref().is_none_or(|s| s.fits(n, bones))
 }
 
 #[cfg(test)]

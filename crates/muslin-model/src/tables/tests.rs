@@ -352,6 +352,22 @@ fn kernels_hold_swings_as_the_player_does() {
 }
 
 #[test]
+fn a_model_that_names_what_it_lacks_is_refused() {
+    let broken = |mend: &dyn Fn(&mut Model)| {
+        let mut model = tube(Nonlinear::Tanh, false, 5);
+        mend(&mut model);
+        Tables::new(&model).err()
+    };
+    assert_eq!(broken(&|_| {}), None);
+    let refused = Some("models whose parts do not fit each other");
+    assert_eq!(broken(&|m| m.skin.bones[4] = 3), refused);
+    assert_eq!(broken(&|m| drop(m.drivers.pop())), refused);
+    let sway = |m: &mut Model, mend: &dyn Fn(&mut Sway)| mend(m.sway.as_mut().expect("it swings"));
+    assert_eq!(broken(&|m| sway(m, &|s| s.walls[0].bones[3] = 9)), refused);
+    assert_eq!(broken(&|m| sway(m, &|s| s.means.truncate(9))), refused);
+}
+
+#[test]
 fn networks_that_remember_are_left_to_cores() {
     let mut model = tube(Nonlinear::Silu, false, 0);
     model.encoder = Encoder::Snug(crate::Snug {
