@@ -8,39 +8,20 @@ use crate::{Outcome, walls};
 pub fn run() -> Outcome {
     walls::check()?;
     cargo(&["fmt", "--all", "--check"], &[])?;
-    cargo(
-        &[
-            "clippy",
-            "--workspace",
-            "--all-targets",
-            "--locked",
-            "--",
-            "-D",
-            "warnings",
-        ],
-        &[],
-    )?;
+    lint(&["--workspace"])?;
     // What a device needs, which the default build leaves out.
-    cargo(
-        &[
-            "clippy",
-            "--package",
-            "muslin-model",
-            "--all-targets",
-            "--features",
-            "cuda",
-            "--locked",
-            "--",
-            "-D",
-            "warnings",
-        ],
-        &[],
-    )?;
+    lint(&["--package", "muslin-model", "--features", "cuda"])?;
     cargo(
         &["doc", "--workspace", "--no-deps", "--locked"],
         &[("RUSTDOCFLAGS", "-D warnings")],
     )?;
     cargo(&["test", "--workspace", "--locked"], &[])
+}
+
+/// Clippy over all targets of these; a warning is a fault.
+fn lint(what: &[&str]) -> Outcome {
+    let how = ["--all-targets", "--locked", "--", "-D", "warnings"];
+    cargo(&[&["clippy"], what, &how].concat(), &[])
 }
 
 fn cargo(args: &[&str], env: &[(&str, &str)]) -> Outcome {

@@ -19,14 +19,19 @@ pub struct Reader {
 const ROOT: usize = 3;
 const EACH: usize = 9;
 
+/// The named bones in the avatar's rig.
+pub(crate) fn found(avatar: &Avatar, names: &[String]) -> Result<Vec<usize>, ModelError> {
+    let find = |name: &String| {
+        let bone = avatar.bone(name);
+        bone.map_err(|_| ModelError::NoBone(name.clone()))
+    };
+    names.iter().map(find).collect()
+}
+
 impl Reader {
     /// For the named bones of this avatar; the first is taken as the root.
     pub fn new(avatar: &Avatar, drivers: &[String]) -> Result<Self, ModelError> {
-        let find = |name: &String| {
-            let bone = avatar.bone(name);
-            bone.map_err(|_| ModelError::NoBone(name.clone()))
-        };
-        let bones = drivers.iter().map(find).collect::<Result<_, _>>()?;
+        let bones = found(avatar, drivers)?;
         Ok(Self { bones })
     }
 

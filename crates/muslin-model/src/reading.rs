@@ -4,6 +4,7 @@ use glam::DAffine3;
 use muslin_body::{Avatar, Pose};
 
 use crate::decode::Affine;
+use crate::describe::found;
 use crate::{Model, ModelError, Stream};
 
 /// From poses to what the network is told, and to the bones that the cloth follows.
@@ -21,10 +22,6 @@ pub(crate) struct Reading {
 impl Reading {
     /// Prepares `model` for bodies of this avatar.
     pub fn new(model: &Model, avatar: &Avatar) -> Result<Self, ModelError> {
-        let find = |name: &String| {
-            let bone = avatar.bone(name);
-            bone.map_err(|_| ModelError::NoBone(name.clone()))
-        };
         let n_posed = model.encoder.n_inputs(model.drivers.len());
         let told = model.traits.iter().zip(&model.scale[n_posed..]);
         Ok(Self {
@@ -35,7 +32,7 @@ impl Reading {
                 .map(|(t, [mean, scale])| (t.value - mean) * scale)
                 .take(model.encoder.n_told(model.traits.len()))
                 .collect(),
-            rig: model.bones.iter().map(find).collect::<Result<_, _>>()?,
+            rig: found(avatar, &model.bones)?,
         })
     }
 

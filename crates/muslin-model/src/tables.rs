@@ -3,7 +3,7 @@
 use crate::fans::Fans;
 use crate::layers::Chain;
 use crate::swing::{Swing, n_swings, still};
-use crate::walls::TIP;
+use crate::walls::foot_and_tip;
 use crate::{Encoder, FOLLOWED, Model, Skin, Sway};
 
 /// The twin of `Layout` in `cuda/kernels.cu`, which says what each is.
@@ -139,12 +139,13 @@ impl Tables {
             floats: Vec::new(),
             numbers: Vec::new(),
             network: Network::new(&chain, mlp.widths[0]),
-            swing: Swing::new(model),
+            swing: None,
         };
         out.cloth(model);
-        if let Some(sway) = model.sway.as_ref().filter(|s| !s.is_empty()) {
-            out.points(model, sway);
-            out.walls(model, sway);
+        if let (Some(sway), Some(swing)) = (&model.sway, Swing::new(model)) {
+            out.points(model, sway, &swing);
+            out.walls(model, sway, &swing);
+            out.swing = Some(swing);
         }
         Ok(out)
     }
@@ -207,7 +208,7 @@ impl Tables {
     }
 
     /// Points that stand for the cloth, and what ties them.
-    fn points(&mut self, model: &Model, sway: &Sway) {
+    fn points(&mut self, model: &Model, sway: &Sway, swing: &Swing) {
         let verts = || sway.samples.iter().map(|v| *v as usize);
         let mixed = still(model, verts());
         self.layout.masses = self.put(sway.masses.iter().copied());
@@ -220,7 +221,6 @@ impl Tables {
         ] = self.followed(&model.skin, verts());
         self.layout.means = self.put(sway.means.iter().copied());
         self.layout.damping = self.put(sway.damping.iter().copied());
-        let swing = self.swing.take().expect("what swings has swings");
         self.layout.inverse = self.put(swing.inverse.iter().copied());
         self.layout.longest = self.put(swing.ties.longest.iter().copied());
         self.layout.pairs = self.put_numbers(swing.ties.pairs.iter().flatten().copied());
@@ -235,10 +235,9 @@ impl Tables {
         ];
         // Places and speeds of two frames and codes of two; frames of the points, pulls and places; rooms, ways, ties.
         self.layout.n_state = 12 * n + 2 * k + 18 * n + 2 * w + t;
-        self.swing = Some(swing);
     }
 
-    fn walls(&mut self, model: &Model, sway: &Sway) {
+    fn walls(&mut self, model: &Model, sway: &Sway, swing: &Swing) {
         let verts = || sway.walls.iter().map(|w| w.vertex as usize);
         let mixed = still(model, verts());
         self.layout.wall_still = self.put(mixed.weights);
@@ -248,19 +247,13 @@ impl Tables {
             self.layout.wall_bones,
             self.layout.wall_weights,
         ] = self.followed(&model.skin, verts());
-        let feet = sway.walls.iter().flat_map(|w| {
-            let tip: [f32; 3] = std::array::from_fn(|i| w.foot[i] + TIP * w.out[i]);
-            [w.foot, tip]
-        });
-        self.layout.feet = self.put(feet.flatten());
+        self.layout.feet = self.put(sway.walls.iter().flat_map(foot_and_tip).flatten());
         let bones = (sway.walls.iter()).flat_map(|w| w.bones.map(u32::from));
         self.layout.feet_bones = self.put_numbers(bones);
         self.layout.feet_weights = self.put(sway.walls.iter().flat_map(|w| w.weights));
-        let swing = self.swing.take().expect("what swings has swings");
         self.layout.ways = self.put(swing.walls.ways.iter().copied());
         self.layout.pushes = self.put(swing.walls.pushes.iter().copied());
         self.layout.gains = self.put(swing.walls.gains.iter().copied());
-        self.swing = Some(swing);
         debug_assert_eq!(FOLLOWED, 4, "as the kernels have it");
     }
 

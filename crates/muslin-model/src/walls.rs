@@ -18,7 +18,7 @@ const ROUNDS: usize = 3;
 const NEAR: f32 = 0.004;
 const LEAST: f32 = 0.001;
 /// Out of the skin from its point [m]: two points that bones carry, between which the way out lies in a pose.
-pub(crate) const TIP: f32 = 0.05;
+const TIP: f32 = 0.05;
 
 /// Walls of a model: `n·(x - f + Φ q)` stays beyond [`NEAR`], or no more than
 /// [`LEAST`] below where the pose alone leaves it.
@@ -163,6 +163,11 @@ fn above(model: &Model, sway: &Sway) -> Model {
     )
 }
 
+/// The skin's point below a vertex, and one out of the skin from there [m].
+pub(crate) fn foot_and_tip(w: &Wall) -> [[f32; 3]; 2] {
+    [w.foot, std::array::from_fn(|i| w.foot[i] + TIP * w.out[i])]
+}
+
 /// The skin's points and their tips, as a cloth that no pose corrects.
 fn below(sway: &Sway) -> Model {
     let nothing = Mlp {
@@ -170,8 +175,7 @@ fn below(sway: &Sway) -> Model {
         bend: Nonlinear::Silu,
         bias: false,
     };
-    let tip = |w: &Wall| std::array::from_fn(|i| w.foot[i] + TIP * w.out[i]);
-    let template: Vec<[f32; 3]> = (sway.walls.iter()).flat_map(|w| [w.foot, tip(w)]).collect();
+    let template: Vec<[f32; 3]> = sway.walls.iter().flat_map(foot_and_tip).collect();
     let both = (sway.walls.iter()).flat_map(|w| {
         let row = w.bones.map(usize::from).into_iter().zip(w.weights);
         [row.clone(), row]
