@@ -12,6 +12,8 @@ use crate::{
 /// How often the steps of a frame are halved at most, and the stretch beyond the limit that asks for it.
 const HALVINGS: usize = 2;
 const WEDGED: f64 = 0.009;
+/// No frame is gone again in which there were more steps: they are short enough.
+const MOST: usize = 32;
 /// Trouble so many times as much as what could not be helped is another.
 const MUCH: f64 = 1.5;
 
@@ -62,10 +64,10 @@ impl Again {
             if halved > 0 {
                 stage.back(&start);
             }
-            match stage.live(&body.skin, stride, halved) {
+            let steps = match stage.live(&body.skin, stride, halved) {
                 Err(_) if best.is_some() => break,
                 led => led?,
-            }
+            };
             let tidy = clean::tidy(stage, &body.cores);
             let trouble = Trouble {
                 left: tidy.left,
@@ -80,7 +82,7 @@ impl Again {
                 helped = halved > 0;
                 best = Some((trouble, stage.mark(), tidy));
             }
-            if in_vain {
+            if in_vain || steps > MOST {
                 break;
             }
         }

@@ -18,8 +18,8 @@ const ZONES: usize = 40;
 /// Changes `moves` [m] from `x` [m] until no pair passes through itself; says whether it had to.
 pub(crate) fn make_safe(pairs: &[Near], x: &[DVec3], moves: &mut [DVec3]) -> bool {
     let mut zones = Zones::new(x.len());
-    // A pair of which nothing changed since it was asked would say the same again.
-    let mut changed = vec![true; x.len()];
+    // A pair of which nothing changed since it was asked would say the same again; one that rests has nothing to say.
+    let mut changed: Vec<bool> = moves.iter().map(|m| *m != DVec3::ZERO).collect();
     for round in 0.. {
         let objections = objections(pairs, &changed, (x, moves));
         if objections.is_empty() {

@@ -326,13 +326,13 @@ impl<'a> Stage<'a> {
     }
 
     /// Goes on for some time, in which the body moves to `frame`, in as many steps as that needs, each of them
-    /// `halved` so many times.
+    /// `halved` so many times; says how many.
     pub fn live(
         &mut self,
         frame: &[DVec3],
         stride: &Stride,
         halved: usize,
-    ) -> Result<(), SimError> {
+    ) -> Result<usize, SimError> {
         self.kept = None;
         let drift: Vec<DVec3> = self.v.iter().map(|v| *v * stride.time).collect();
         let pieces = self.pieces(frame, |v| drift[v]);
@@ -352,7 +352,7 @@ impl<'a> Stage<'a> {
             self.before.clone_from(&self.x);
             self.step(&pace)?;
         }
-        Ok(())
+        Ok(pieces)
     }
 
     /// How far the worst face is beyond its limit, if the last step could not let all slip back to it; else zero.

@@ -40,3 +40,35 @@ pub(crate) fn sheets(apart: f64) -> (Cloth, Vec<DVec3>) {
     let at = |v: u32| flat(v % 144).extend(if v < 144 { 0.0 } else { apart });
     (cloth, (0..288).map(at).collect())
 }
+
+/// Two balls of 10 cm, centred so far apart along X [m], as one mesh.
+pub(crate) fn balls(apart: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let (rows, cols) = (16, 24);
+    let mut verts = Vec::new();
+    let mut faces = Vec::new();
+    for side in [-1.0, 1.0] {
+        let base = verts.len() as u32;
+        let at = |r: usize, c: usize| base + (1 + (r - 1) * cols + c % cols) as u32;
+        let centre = DVec3::X * (0.5 * apart * side);
+        verts.push(centre + DVec3::Y * 0.1);
+        for r in 1..rows {
+            let lat = std::f64::consts::PI * r as f64 / rows as f64;
+            for c in 0..cols {
+                let lon = std::f64::consts::TAU * c as f64 / cols as f64;
+                let p = DVec3::new(lat.sin() * lon.sin(), lat.cos(), lat.sin() * lon.cos());
+                verts.push(centre + p * 0.1);
+            }
+        }
+        verts.push(centre - DVec3::Y * 0.1);
+        let last = verts.len() as u32 - 1;
+        for c in 0..cols {
+            faces.push([base, at(1, c), at(1, c + 1)]);
+            for r in 1..rows - 1 {
+                faces.push([at(r, c), at(r + 1, c), at(r + 1, c + 1)]);
+                faces.push([at(r, c), at(r + 1, c + 1), at(r, c + 1)]);
+            }
+            faces.push([at(rows - 1, c), last, at(rows - 1, c + 1)]);
+        }
+    }
+    (verts, faces)
+}

@@ -33,7 +33,8 @@ impl Sitter {
             .map_err(|e| body_failure(&e))?;
         let limbs = Limbs::new(avatar, [ROOM; 2]).map_err(|e| body_failure(&e))?;
         let turned = limbs.make_room(&mut pose, avatar, &figure);
-        let unfolded = unfold(avatar, &figure, &mut pose).map_err(|e| body_failure(&e))?;
+        let unfolded =
+            unfold((avatar, &figure), &mut pose, &STILL).map_err(|e| body_failure(&e))?;
         let posed = avatar.pose(&figure, &pose);
         if posed.verts.iter().any(|v| !v.is_finite()) {
             return Err(Failure::new(
@@ -108,21 +109,33 @@ pub(crate) fn body_frame(avatar: &Avatar, posed: &Posed, cores: &Cores<'_>) -> F
     }
 }
 
-/// Flesh yields this far at most; where a fold asks for more, the limb is bent less [m].
-const FOLD: f64 = 0.04;
-/// By how much less in a round [rad], and rounds at most.
-const UNBEND: f64 = 0.06;
-const ROUNDS: usize = 10;
-/// A joint that is bent less than this folds nothing [rad].
-const BENT: f64 = 0.9;
-/// Triangles that may pass through others at a joint all the same.
-const CROSSINGS: usize = 8;
+/// What is asked of the folds at hips and knees.
+pub(crate) struct Folding {
+    /// Flesh yields this far at most; where a fold asks for more, the limb is bent less [m].
+    pub deepest: f64,
+    /// Triangles that may pass through others at a joint all the same.
+    pub crossings: usize,
+    /// A joint that is bent less than this folds nothing [rad].
+    pub bent: f64,
+    /// Rounds at most in which a limb is bent less, and by how much in each [rad].
+    pub rounds: usize,
+    pub less: f64,
+}
+
+/// Of somebody who stands still.
+const STILL: Folding = Folding {
+    deepest: 0.04,
+    crossings: 8,
+    bent: 0.9,
+    rounds: 10,
+    less: 0.06,
+};
 /// Share of these that must be gone in the end; else bending less was of no use.
 const USE: f64 = 0.3;
 /// Skin this far from every joint is not folded by it [m].
 const LEG: f64 = 0.25;
 /// Joints that fold the body so deep; at armpits flesh has always yielded enough.
-const FOLDS: [&str; 4] = [
+pub(crate) const FOLDS: [&str; 4] = [
     "upperleg01.L",
     "upperleg01.R",
     "lowerleg01.L",
@@ -140,25 +153,31 @@ const OTHERS: [&str; 6] = [
 
 /// Bends hips and knees less where the body folds deeper into itself than flesh yields; says by how
 /// much at most [rad].
-fn unfold(avatar: &Avatar, figure: &Figure, pose: &mut Pose) -> Result<f64, BodyError> {
+pub(crate) fn unfold(
+    (avatar, figure): (&Avatar, &Figure),
+    pose: &mut Pose,
+    folding: &Folding,
+) -> Result<f64, BodyError> {
     let rest = Pose::rest(avatar);
     let bones = FOLDS.iter().chain(&OTHERS).map(|name| avatar.bone(name));
     let bones: Vec<usize> = bones.collect::<Result<_, _>>()?;
     let before = pose.clone();
     let mut unbent = [0.0; FOLDS.len()];
     let mut crossings = Vec::new();
-    for _ in 0..ROUNDS {
+    for _ in 0..folding.rounds {
         let bend = |k: usize| pose.rotations[bones[k]].angle_between(rest.rotations[bones[k]]);
-        let bent: [bool; FOLDS.len()] = std::array::from_fn(|k| bend(k) > BENT);
+        let bent: [bool; FOLDS.len()] = std::array::from_fn(|k| bend(k) > folding.bent);
         if !bent.contains(&true) {
             break;
         }
         let fold = Fold::seen(avatar, (figure, pose), &bones);
         crossings.push(fold.crossings.iter().sum::<usize>());
-        let Some(k) = fold.worst(&bent) else { break };
+        let Some(k) = fold.worst(&bent, folding) else {
+            break;
+        };
         let (from, to) = (pose.rotations[bones[k]], rest.rotations[bones[k]]);
-        pose.rotations[bones[k]] = from.slerp(to, UNBEND / bend(k));
-        unbent[k] += UNBEND;
+        pose.rotations[bones[k]] = from.slerp(to, folding.less / bend(k));
+        unbent[k] += folding.less;
     }
     let [first, .., last] = crossings[..] else {
         return Ok(0.0);
@@ -172,8 +191,9 @@ fn unfold(avatar: &Avatar, figure: &Figure, pose: &mut Pose) -> Result<f64, Body
 
 /// How a pose folds the body at hips and knees, flesh having yielded.
 struct Fold {
-    /// The joint next to where skin drew back farther than it can, if it did.
-    deep: Option<usize>,
+    /// How far skin drew back at most [m], and the joint next to it.
+    deepest: f64,
+    next_to: Option<usize>,
     /// Triangles that pass through others all the same, by the joint they are next to.
     crossings: [usize; FOLDS.len()],
 }
@@ -208,20 +228,20 @@ impl Fold {
             }
         }
         Fold {
-            deep: most
-                .filter(|i| drawn(i) > FOLD)
-                .and_then(|i| nearest(now[i])),
+            deepest: most.map_or(0.0, |i| drawn(&i)),
+            next_to: most.and_then(|i| nearest(now[i])),
             crossings,
         }
     }
 
     /// Which of the joints that are bent to bend less, if one.
-    fn worst(&self, bent: &[bool]) -> Option<usize> {
-        let deep = self.deep.filter(|k| bent[*k]);
+    fn worst(&self, bent: &[bool], folding: &Folding) -> Option<usize> {
+        let is_deep = self.deepest > folding.deepest;
+        let deep = self.next_to.filter(|k| is_deep && bent[*k]);
         let most = (0..FOLDS.len())
             .filter(|k| bent[*k])
             .max_by_key(|k| self.crossings[*k]);
-        deep.or(most.filter(|k| self.crossings[*k] > CROSSINGS))
+        deep.or(most.filter(|k| self.crossings[*k] > folding.crossings))
     }
 }
 
@@ -247,11 +267,11 @@ mod tests {
         let shape = Shape::default().with("weight", 0.9).expect("a phenotype");
         let figure = avatar.figure(&shape).expect("a heavy person");
         let mut pose = Pose::stance(&avatar, &figure, "walk").expect("a stance");
-        assert_eq!(unfold(&avatar, &figure, &mut pose), Ok(0.0));
+        assert_eq!(unfold((&avatar, &figure), &mut pose, &STILL), Ok(0.0));
         let thigh = avatar.bone("upperleg01.L").expect("a leg");
         pose = Pose::rest(&avatar);
         pose.rotations[thigh] = DQuat::from_rotation_x(-2.2);
-        let less = unfold(&avatar, &figure, &mut pose).expect("the default rig");
+        let less = unfold((&avatar, &figure), &mut pose, &STILL).expect("the default rig");
         assert!((0.05..0.61).contains(&less), "{less}");
         let bend = pose.rotations[thigh].to_axis_angle().1;
         assert!((bend - (2.2 - less)).abs() < 1e-9, "{bend}");

@@ -55,6 +55,8 @@ impl Moving {
 const MAX_BYTES: u64 = 512 << 20;
 /// On the way in no joint turns farther [rad] and the body goes no farther [m] in one frame.
 const LEAD_IN: (f64, f64) = (0.06, 0.02);
+/// Limbs that are turned farther off a motion than this are told of [rad].
+const FAR: f64 = 0.35;
 /// Frames that the way in has at least.
 const SHORTEST: usize = 15;
 
@@ -78,6 +80,12 @@ pub fn load(
     let named = |f: Failure| f.at(found.name.clone());
     let mut cut = cut(&found.motion, options).map_err(named)?;
     found.turned = room::make_room(avatar, figure, &mut cut).map_err(|e| body_failure(&e))?;
+    if found.turned > FAR {
+        found.warnings.push(format!(
+            "limbs are turned by up to {:.0} degrees off the motion, where it leads the body deeper into itself than cloth can follow",
+            found.turned.to_degrees()
+        ));
+    }
     let (rest, _) = avatar.dressing(figure);
     found.lead = cut.steps_from(&rest, LEAD_IN).max(SHORTEST);
     found.motion = cut.with_lead_in(&rest, found.lead);

@@ -4,21 +4,31 @@ use glam::{DQuat, DVec3};
 use muslin_body::{Avatar, BodyError, Figure, Limbs, Motion, Pose};
 use rayon::prelude::*;
 
-use crate::figure::ROOM;
+use crate::figure::{FOLDS, Folding, ROOM, unfold};
 
 /// Room that hands and forearms leave while they move [m]: between two frames they go as far, and cloth that stands off
 /// a thigh they only graze is torn along.
 const SWUNG: f64 = 0.03;
 /// Looks a second.
-const LOOKS: f64 = 10.0;
+const LOOKS: f64 = 15.0;
+
+/// Somebody in motion: cloth is led in and out of folds as deep as those of a squat, but lean and trained dancers bend
+/// their hips farther than our flesh yields.
+const MOVING: Folding = Folding {
+    deepest: f64::INFINITY,
+    crossings: 100,
+    bent: 1.9,
+    rounds: 8,
+    less: 0.12,
+};
 
 /// What each limb turns by, as axis times angle [rad].
 type Turns = Vec<DVec3>;
 
-/// Turns thighs and upper arms where a motion leads feet, shins, hands or forearms into the body;
-/// says by how much at most [rad].
+/// Turns thighs and upper arms where a motion leads feet, shins, hands or forearms into the body, and bends hips and knees
+/// less where they fold it too deep; says by how much at most [rad].
 ///
-/// The body is looked at ten times a second. A turn is there from one look before it is needed to
+/// The body is looked at fifteen times a second. A turn is there from one look before it is needed to
 /// one look after, and grows and fades over a look more, so that no limb jumps.
 pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Result<f64, BodyError> {
     let limbs = Limbs::new(avatar, [ROOM, SWUNG])?;
@@ -27,8 +37,14 @@ pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Resul
     let looks: Vec<usize> = (0..=last.div_ceil(stride))
         .map(|k| (k * stride).min(last))
         .collect();
-    let look = |&k: &usize| turns(&limbs, (avatar, figure), &motion.poses[k]);
-    let needed: Vec<Turns> = looks.par_iter().map(look).collect();
+    let folding = FOLDS.iter().map(|name| avatar.bone(name));
+    let mut bones: Vec<usize> = folding
+        .chain(limbs.bones().map(Ok))
+        .collect::<Result<_, _>>()?;
+    bones.sort_unstable();
+    bones.dedup();
+    let look = |&k: &usize| turns((&limbs, &bones), (avatar, figure), &motion.poses[k]);
+    let needed: Vec<Turns> = looks.par_iter().map(look).collect::<Result<_, _>>()?;
     let led = faded(&held(&needed));
     let largest = led.iter().flatten().map(|t| t.length());
     let largest = largest.fold(0.0, f64::max);
@@ -36,7 +52,7 @@ pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Resul
         for (k, pose) in motion.poses.iter_mut().enumerate() {
             let (at, t) = (k / stride, (k % stride) as f64 / stride as f64);
             let next = (at + 1).min(led.len() - 1);
-            for (j, b) in limbs.bones().enumerate() {
+            for (j, &b) in bones.iter().enumerate() {
                 let turn = led[at][j].lerp(led[next][j], t);
                 if turn == DVec3::ZERO {
                     continue;
@@ -49,15 +65,20 @@ pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Resul
 }
 
 /// What one pose needs.
-fn turns(limbs: &Limbs, (avatar, figure): (&Avatar, &Figure), pose: &Pose) -> Turns {
+fn turns(
+    (limbs, bones): (&Limbs, &[usize]),
+    (avatar, figure): (&Avatar, &Figure),
+    pose: &Pose,
+) -> Result<Turns, BodyError> {
     let mut freed = pose.clone();
+    unfold((avatar, figure), &mut freed, &MOVING)?;
     limbs.make_room(&mut freed, avatar, figure);
-    let turn = |b: usize| {
+    let turn = |&b: &usize| {
         let turn = freed.rotations[b] * pose.rotations[b].inverse();
         let shorter = if turn.w < 0.0 { -turn } else { turn };
         shorter.to_scaled_axis()
     };
-    limbs.bones().map(turn).collect()
+    Ok(bones.iter().map(turn).collect())
 }
 
 /// Every turn of the looks before and after as well, the largest where they meet.
@@ -122,5 +143,44 @@ mod tests {
             turns.fold(0.0, f64::max)
         };
         assert!(step(&motion) < step(&before) + 0.05);
+    }
+
+    #[test]
+    fn a_thigh_that_a_motion_presses_through_the_belly_is_bent_less_for_as_long_as_it_is() {
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        let shape = Shape::default().with("weight", 0.9).expect("a phenotype");
+        let figure = avatar.figure(&shape).expect("a heavy person");
+        let [thigh, shin] =
+            ["upperleg01.L", "lowerleg01.L"].map(|b| avatar.bone(b).expect("a leg"));
+        let pose = |k: i32| {
+            let mut pose = Pose::rest(&avatar);
+            let up = (-(f64::from(k - 30) / 6.0).powi(2)).exp();
+            pose.rotations[thigh] = DQuat::from_rotation_x(-2.2 * up);
+            pose.rotations[shin] = DQuat::from_rotation_x(0.5 * up);
+            pose
+        };
+        let before = Motion {
+            fps: 30.0,
+            poses: (0..61).map(pose).collect(),
+        };
+        let mut motion = before.clone();
+        let turned = make_room(&avatar, &figure, &mut motion).expect("the default rig");
+        assert!((0.05..1.0).contains(&turned), "{turned}");
+        let bend = |m: &Motion, k: usize| m.poses[k].rotations[thigh].to_axis_angle().1;
+        let less = bend(&before, 30) - bend(&motion, 30);
+        assert!((less - turned).abs() < 1e-6, "{less} of {turned}");
+        assert_eq!(motion.poses[0], before.poses[0]);
+        assert_eq!(motion.poses[60], before.poses[60]);
+        // Nothing folds there.
+        assert_eq!(
+            motion.poses[30].rotations[shin],
+            before.poses[30].rotations[shin]
+        );
+        let jump = |m: &Motion| {
+            (1..61)
+                .map(|k| (bend(m, k) - bend(m, k - 1)).abs())
+                .fold(0.0, f64::max)
+        };
+        assert!(jump(&motion) < jump(&before) + 0.05);
     }
 }
