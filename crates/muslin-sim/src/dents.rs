@@ -42,7 +42,8 @@ pub(crate) struct Dents<'a> {
 struct Look {
     frame: usize,
     drawn: Vec<DVec3>,
-    is_deep: bool,
+    /// The farthest [m].
+    deepest: f64,
 }
 
 impl<'a> Dents<'a> {
@@ -72,6 +73,9 @@ impl<'a> Dents<'a> {
         [from, to].into_iter().for_each(|at| self.take(at));
         let (from, to) = self.around(k);
         [from, to].into_iter().for_each(|at| self.take(at));
+        if self.at(from).deepest == 0.0 && self.at(to).deepest == 0.0 {
+            return Ok(body);
+        }
         let drawn = self.drawn(k);
         let frames = self.frames(&body.skin);
         let skin = |i: usize| match drawn(i) {
@@ -113,7 +117,7 @@ impl<'a> Dents<'a> {
     /// The looks around frame `k`; those at the ends of its stride are known.
     fn around(&self, k: usize) -> (usize, usize) {
         let (from, to) = self.stride(k);
-        if !self.at(from).is_deep && !self.at(to).is_deep {
+        if self.at(from).deepest <= DEEP && self.at(to).deepest <= DEEP {
             return (from, to);
         }
         let finer = self.stride.div_ceil(FINER);
@@ -134,7 +138,7 @@ impl<'a> Dents<'a> {
                 let drawn = self.look(k);
                 Look {
                     frame: k,
-                    is_deep: drawn.iter().any(|d| d.length() > DEEP),
+                    deepest: drawn.iter().fold(0.0, |most, d| d.length().max(most)),
                     drawn,
                 }
             }

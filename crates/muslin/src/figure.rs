@@ -130,7 +130,7 @@ const STILL: Folding = Folding {
     rounds: 10,
     less: 0.06,
 };
-/// Share of these that must be gone in the end; else bending less was of no use.
+/// Share of the triangles that pass through others that must be gone in the end; else bending less was of no use.
 const USE: f64 = 0.3;
 /// Skin this far from every joint is not folded by it [m].
 const LEG: f64 = 0.25;
