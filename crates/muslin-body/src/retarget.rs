@@ -3,12 +3,15 @@
 //! Recordings disagree about rest poses (T, A, or all bones along one axis), joint names and
 //! units, so only what they agree on is used: where the joints are. Hips and shoulders turn
 //! the trunk, and every limb bone points where the recorded one points. Twist about a limb is
-//! taken from the plane in which knee or elbow bends. Feet are as flat as ours where they stand,
+//! taken from the plane in which knee or elbow bends. Where arms are raised the shoulder girdle takes
+//! its part, as in living people. Feet are as flat as ours where they stand,
 //! toes do not dip into the floor, and a floor that slopes is levelled.
 
 mod ground;
 mod limb;
 mod tread;
+
+use std::f64::consts::PI;
 
 use crate::{Avatar, BodyError, Figure, Motion, Pose};
 use glam::{DMat3, DQuat, DVec3};
@@ -444,7 +447,17 @@ pub(crate) struct Bones {
     pub neck: [usize; 4],
     pub arm: [[usize; 3]; 2],
     pub leg: [[usize; 3]; 2],
+    /// Between trunk and arm.
+    girdle: [[usize; 2]; 2],
 }
+
+/// An arm that is swung farther from rest than this [rad] takes the shoulder girdle along,
+/// and what share of the rest the girdle takes. In living people it takes a third of nearly all (Inman, Saunders and
+/// Abbott 1944); skin that is blended between arm and trunk folds over the collarbone only above that.
+const RAISED: f64 = 1.2;
+const TAKEN: f64 = 0.5;
+/// So near to the opposite of rest [rad] the way there, and with it how the girdle would turn, is lost.
+const LOST: f64 = 0.4;
 
 impl Bones {
     pub(crate) fn find(avatar: &Avatar) -> Result<Bones, BodyError> {
@@ -472,12 +485,33 @@ impl Bones {
             [limb(arm, "L")?, limb(arm, "R")?],
             [limb(leg, "L")?, limb(leg, "R")?],
         );
+        let girdle = |side: &str| {
+            let [a, b] = ["clavicle", "shoulder01"].map(|n| bone(&format!("{n}.{side}")));
+            Ok::<_, BodyError>([a?, b?])
+        };
         Ok(Bones {
             spine,
             neck,
             arm,
             leg,
+            girdle: [girdle("L")?, girdle("R")?],
         })
+    }
+
+    /// Lets the shoulder girdle take its part in how an arm is raised, which points along `rest` at rest and where it
+    /// did in the end.
+    pub(crate) fn raise(&self, pose: &mut Pose, side: usize, rest: DVec3) {
+        let arm = self.arm[side][0];
+        let turn = pose.rotations[arm];
+        let swing = DQuat::from_rotation_arc(rest, turn * rest);
+        let angle = swing.angle_between(DQuat::IDENTITY);
+        if angle <= RAISED {
+            return;
+        }
+        let known = ((PI - angle) / LOST).min(1.0);
+        let taken = DQuat::IDENTITY.slerp(swing, known * TAKEN * (angle - RAISED) / angle);
+        share(pose, &self.girdle[side], taken);
+        pose.rotations[arm] = (taken.inverse() * turn).normalize();
     }
 }
 
@@ -527,6 +561,9 @@ impl<'a> Target<'a> {
                 pelvis,
                 (leg, &mut limbs[2 + side]),
             );
+            let [shoulder, elbow, _] = self.rest.arm[side];
+            self.bones
+                .raise(&mut pose, side, (elbow - shoulder).normalize());
         }
         pose.root = hips - self.root - pelvis * (self.rest.hips() - self.root);
         pose

@@ -151,6 +151,7 @@ impl<'a> Puppet<'a> {
         let [bone, elbow, _] = self.bones.arm[side];
         pose.rotations[bone] = upper_turn;
         pose.rotations[elbow] = upper_turn.inverse() * fore_turn;
+        self.bones.raise(pose, side, u);
     }
 
     fn leg(&self, pose: &mut Pose, side: usize, (leg, hips, pelvis): (Leg, DVec3, DQuat)) {

@@ -93,6 +93,69 @@ fn limbs_point_where_the_recorded_ones_do() {
     );
 }
 
+/// The stick's left arm raised by so much out of the T-pose [rad].
+fn raised(by: f64) -> (Avatar, Figure, Pose) {
+    posed(|s, f| {
+        let arm = s.names.iter().position(|m| m == "LeftArm");
+        f.rotations[arm.expect("an arm")] = DQuat::from_rotation_z(by);
+    })
+}
+
+#[test]
+fn an_arm_overhead_takes_the_shoulder_along_and_points_where_it_did() {
+    let setup = raised(1.5);
+    let (avatar, figure, pose) = &setup;
+    let want = DQuat::from_rotation_z(1.5) * DVec3::X;
+    assert!(direction(&setup, "upperarm01.L", "lowerarm01.L").angle_between(want) < 1e-6);
+    let turn = |pose: &Pose, name: &str| {
+        let b = avatar.bone(name).expect("a bone");
+        pose.rotations[b].angle_between(DQuat::IDENTITY)
+    };
+    let half = turn(pose, "clavicle.L");
+    assert!((0.1..0.4).contains(&half), "{half}");
+    assert!((turn(pose, "shoulder01.L") - half).abs() < 1e-9);
+    assert_eq!(turn(pose, "clavicle.R"), 0.0);
+    // All of it in the arm, skin folds over the collarbone.
+    let mut alone = pose.clone();
+    let [a, b, arm] = ["clavicle.L", "shoulder01.L", "upperarm01.L"]
+        .map(|name| avatar.bone(name).expect("a bone"));
+    alone.rotations[arm] = pose.rotations[a] * pose.rotations[b] * pose.rotations[arm];
+    (alone.rotations[a], alone.rotations[b]) = (DQuat::IDENTITY, DQuat::IDENTITY);
+    let crossings = |pose: &Pose| {
+        let skin = avatar.part(crate::Part::Body);
+        let posed = avatar.pose(figure, pose);
+        let shoulder = posed.bones[arm].transform_point3(figure.joints[arm]);
+        let mesh = muslin_geom::Mesh {
+            verts: posed.verts[skin].to_vec(),
+            faces: avatar.collision_faces().to_vec(),
+        };
+        let corner = |f: u32| mesh.verts[mesh.faces[f as usize][0] as usize];
+        let pairs = muslin_geom::self_intersections(&mesh);
+        let near = pairs
+            .iter()
+            .filter(|p| corner(p[0]).distance(shoulder) < 0.2);
+        near.count()
+    };
+    let (with, without) = (crossings(pose), crossings(&alone));
+    assert!(2 * with < without, "{with} with, {without} without");
+}
+
+#[test]
+fn a_shoulder_never_jumps_as_an_arm_goes_up_and_on_across_the_head() {
+    let turns: Vec<DQuat> = (0..60)
+        .map(|k| {
+            let (avatar, _, pose) = raised(0.05 * f64::from(k));
+            pose.rotations[avatar.bone("clavicle.L").expect("a bone")]
+        })
+        .collect();
+    assert_eq!(turns[0], DQuat::IDENTITY);
+    assert_ne!(turns[25], DQuat::IDENTITY);
+    for pair in turns.windows(2) {
+        let step = pair[0].angle_between(pair[1]);
+        assert!(step < 1.5 * 0.05, "{step}");
+    }
+}
+
 #[test]
 fn a_standing_figure_stands_on_our_floor() {
     let (avatar, figure, pose) = posed(|_, _| {});
