@@ -447,15 +447,16 @@ pub(crate) struct Bones {
     pub neck: [usize; 4],
     pub arm: [[usize; 3]; 2],
     pub leg: [[usize; 3]; 2],
-    /// Between trunk and arm.
+    /// Between trunk and arm, from within.
     girdle: [[usize; 2]; 2],
 }
 
-/// An arm that is swung farther from rest than this [rad] takes the shoulder girdle along,
-/// and what share of the rest the girdle takes. In living people it takes a third of nearly all (Inman, Saunders and
-/// Abbott 1944); skin that is blended between arm and trunk folds over the collarbone only above that.
+/// An arm that is swung farther from rest than this [rad] takes the shoulder girdle along, and what share of the rest
+/// its bones take. In living people the girdle takes a third of nearly all (Inman, Saunders and Abbott 1944); skin that is
+/// blended between arm and trunk folds over the collarbone only above that. The inner bone takes less: it carries the
+/// shoulder, and the hand with it, farther.
 const RAISED: f64 = 1.2;
-const TAKEN: f64 = 0.5;
+const TAKEN: [f64; 2] = [0.15, 0.35];
 /// So near to the opposite of rest [rad] the way there, and with it how the girdle would turn, is lost.
 const LOST: f64 = 0.4;
 
@@ -509,8 +510,14 @@ impl Bones {
             return;
         }
         let known = ((PI - angle) / LOST).min(1.0);
-        let taken = DQuat::IDENTITY.slerp(swing, known * TAKEN * (angle - RAISED) / angle);
-        share(pose, &self.girdle[side], taken);
+        let part = |taken: f64| {
+            let by = known * taken * (angle - RAISED);
+            DQuat::IDENTITY.slerp(swing, by / angle)
+        };
+        for (bone, taken) in self.girdle[side].into_iter().zip(TAKEN) {
+            pose.rotations[bone] = part(taken);
+        }
+        let taken = part(TAKEN.iter().sum());
         pose.rotations[arm] = (taken.inverse() * turn).normalize();
     }
 }

@@ -111,9 +111,12 @@ fn an_arm_overhead_takes_the_shoulder_along_and_points_where_it_did() {
         let b = avatar.bone(name).expect("a bone");
         pose.rotations[b].angle_between(DQuat::IDENTITY)
     };
-    let half = turn(pose, "clavicle.L");
-    assert!((0.1..0.4).contains(&half), "{half}");
-    assert!((turn(pose, "shoulder01.L") - half).abs() < 1e-9);
+    let inner = turn(pose, "clavicle.L");
+    let outer = turn(pose, "shoulder01.L");
+    assert!(
+        0.05 < inner && inner < outer && outer < 0.5,
+        "{inner} {outer}"
+    );
     assert_eq!(turn(pose, "clavicle.R"), 0.0);
     // All of it in the arm, skin folds over the collarbone.
     let mut alone = pose.clone();
@@ -145,14 +148,14 @@ fn a_shoulder_never_jumps_as_an_arm_goes_up_and_on_across_the_head() {
     let turns: Vec<DQuat> = (0..60)
         .map(|k| {
             let (avatar, _, pose) = raised(0.05 * f64::from(k));
-            pose.rotations[avatar.bone("clavicle.L").expect("a bone")]
+            pose.rotations[avatar.bone("shoulder01.L").expect("a bone")]
         })
         .collect();
     assert_eq!(turns[0], DQuat::IDENTITY);
     assert_ne!(turns[25], DQuat::IDENTITY);
     for pair in turns.windows(2) {
         let step = pair[0].angle_between(pair[1]);
-        assert!(step < 1.5 * 0.05, "{step}");
+        assert!(step < 2.0 * 0.05, "{step}");
     }
 }
 
