@@ -462,40 +462,17 @@ const LOST: f64 = 0.4;
 
 impl Bones {
     pub(crate) fn find(avatar: &Avatar) -> Result<Bones, BodyError> {
-        let bone = |name: &str| avatar.rig().bone(name);
-        let limb = |names: [&str; 3], side: &str| {
-            let [a, b, c] = names.map(|n| bone(&format!("{n}.{side}")));
-            Ok::<_, BodyError>([a?, b?, c?])
-        };
+        let spine = ["spine05", "spine04", "spine03", "spine02", "spine01"];
+        let neck = ["neck01", "neck02", "neck03", "head"];
         let arm = ["upperarm01", "lowerarm01", "wrist"];
         let leg = ["upperleg01", "lowerleg01", "foot"];
-        let mut spine = [0; 5];
-        for (slot, name) in spine
-            .iter_mut()
-            .zip(["spine05", "spine04", "spine03", "spine02", "spine01"])
-        {
-            *slot = bone(name)?;
-        }
-        let neck = [
-            bone("neck01")?,
-            bone("neck02")?,
-            bone("neck03")?,
-            bone("head")?,
-        ];
-        let (arm, leg) = (
-            [limb(arm, "L")?, limb(arm, "R")?],
-            [limb(leg, "L")?, limb(leg, "R")?],
-        );
-        let girdle = |side: &str| {
-            let [a, b] = ["clavicle", "shoulder01"].map(|n| bone(&format!("{n}.{side}")));
-            Ok::<_, BodyError>([a?, b?])
-        };
+        let girdle = ["clavicle", "shoulder01"];
         Ok(Bones {
-            spine,
-            neck,
-            arm,
-            leg,
-            girdle: [girdle("L")?, girdle("R")?],
+            spine: chain(avatar, spine, "")?,
+            neck: chain(avatar, neck, "")?,
+            arm: [chain(avatar, arm, ".L")?, chain(avatar, arm, ".R")?],
+            leg: [chain(avatar, leg, ".L")?, chain(avatar, leg, ".R")?],
+            girdle: [chain(avatar, girdle, ".L")?, chain(avatar, girdle, ".R")?],
         })
     }
 
@@ -520,6 +497,19 @@ impl Bones {
         let taken = part(TAKEN.iter().sum());
         pose.rotations[arm] = (taken.inverse() * turn).normalize();
     }
+}
+
+/// Bones by their names, whose side comes last.
+fn chain<const N: usize>(
+    avatar: &Avatar,
+    names: [&str; N],
+    side: &str,
+) -> Result<[usize; N], BodyError> {
+    let mut bones = [0; N];
+    for (slot, name) in bones.iter_mut().zip(names) {
+        *slot = avatar.rig().bone(&format!("{name}{side}"))?;
+    }
+    Ok(bones)
 }
 
 impl<'a> Target<'a> {
@@ -556,6 +546,7 @@ impl<'a> Target<'a> {
         self.turn_head(&mut pose, stance, chest);
         for side in 0..2 {
             let [arm, leg] = [self.arm(stance, side), self.leg(stance, side)];
+            let at_rest = arm.rest[0];
             turn_limb(
                 &mut pose,
                 self.bones.arm[side],
@@ -568,9 +559,7 @@ impl<'a> Target<'a> {
                 pelvis,
                 (leg, &mut limbs[2 + side]),
             );
-            let [shoulder, elbow, _] = self.rest.arm[side];
-            self.bones
-                .raise(&mut pose, side, (elbow - shoulder).normalize());
+            self.bones.raise(&mut pose, side, at_rest);
         }
         pose.root = hips - self.root - pelvis * (self.rest.hips() - self.root);
         pose
