@@ -128,6 +128,12 @@ fn beyond(f: &[DVec3; 2], sigma: [f64; 2], limit: &StrainLimit) -> InPlane {
     out
 }
 
+/// The larger principal stretch (1 = unstretched).
+#[inline]
+pub fn larger(f: &[DVec3; 2]) -> f64 {
+    triangle::principal(f)[0]
+}
+
 /// Where the larger principal stretch lies in the material: its unit share along weft and warp.
 #[inline]
 pub fn direction(f: &[DVec3; 2]) -> [f64; 2] {

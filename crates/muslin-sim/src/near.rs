@@ -6,6 +6,7 @@
 //! again, a few in a step: the folds that form, the sleeve that meets the side.
 
 use glam::{DVec3, Vec3A};
+use muslin_energy::proximity;
 use muslin_geom::{
     Aabb, Swept,
     closest::{on_segments, on_triangle},
@@ -25,6 +26,16 @@ pub(crate) struct Near {
     /// A vertex and a triangle, or two edges.
     pub verts: [u32; 4],
     pub is_edges: bool,
+}
+
+impl Near {
+    /// Weights of the gap between the two where their vertices are `at` [m].
+    pub fn weights(&self, at: &[DVec3; 4]) -> [f64; 4] {
+        match self.is_edges {
+            true => proximity::edge_edge(at),
+            false => proximity::vertex_triangle(at),
+        }
+    }
 }
 
 /// Slack of the list [m].

@@ -158,6 +158,9 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                 for _ in 0..times * guesses.steps {
                     stage.step(&self.pace)?;
                 }
+                if swings {
+                    stage.slip_at_rest();
+                }
                 if swings && i + 1 < guesses.frames.len() {
                     let next = self.dents.frame(k + 1)?;
                     stage.set_off((&body.skin, &next.skin), time);

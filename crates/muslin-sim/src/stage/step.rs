@@ -192,7 +192,7 @@ impl Stage<'_> {
         self.wedged = true;
         let (mut last, mut stuck) = (f64::INFINITY, 0);
         for _ in 0..SLIPS {
-            let Some(moves) = slip::moves(self.weave, &self.x, touches) else {
+            let Some(moves) = slip::moves(self.weave, &self.x, (touches, &self.near.list)) else {
                 self.wedged = false;
                 return;
             };
