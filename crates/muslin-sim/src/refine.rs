@@ -160,10 +160,10 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                 }
                 if swings {
                     stage.slip_at_rest();
-                }
-                if swings && i + 1 < guesses.frames.len() {
-                    let next = self.dents.frame(k + 1)?;
-                    stage.set_off((&body.skin, &next.skin), time);
+                    if i + 1 < guesses.frames.len() {
+                        let next = self.dents.frame(k + 1)?;
+                        stage.set_off((&body.skin, &next.skin), time);
+                    }
                 }
                 clean::tidy(stage, &body.cores)
             };

@@ -261,3 +261,49 @@ fn with_inertia_cloth_swings_and_more_of_it_swings_slower() {
         "{heavy} s of {usual} s"
     );
 }
+
+#[test]
+fn cloth_that_swings_is_within_its_limit_from_the_first_frame_on() {
+    // A strip that is held at both ends, a fifth farther apart than it is long.
+    let (flat, faces) = grid(DVec2::new(0.04, 0.4), [2, 20]);
+    let corners = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
+    let mut cloth = cut(flat.len(), faces, corners, cotton());
+    cloth.pins = (0..3).chain(60..63).collect();
+    let drawn = |p: &DVec2| DVec3::new(p.x, 1.2 * p.y, 0.0);
+    let guess: Vec<DVec3> = flat.iter().map(drawn).collect();
+    let middle = DVec3::new(0.02, 0.5, 0.1);
+    let (rest, faces) = capsule(middle, middle + DVec3::Z * 1e-6, 0.01, 12);
+    let at = |_: usize| Frame::from(rest.clone());
+    let walk = Walk {
+        faces: &faces,
+        rest: &rest,
+        frames: 2,
+        lead: 0,
+        fps: 30.0,
+        at: &at,
+    };
+    let options = Options {
+        pin: 1e6,
+        ..Options::USUAL
+    };
+    let longest = |inertia: f64| {
+        let guesses = Guesses {
+            begun: None,
+            frames: &[guess.clone(), guess.clone()],
+            first: 0,
+            steps: 5,
+            inertia,
+        };
+        let mut first = None;
+        let deliver = |r: Refined| {
+            first.get_or_insert(r.verts);
+        };
+        refine(&cloth, &guesses, (&walk, &options, &|| true), deliver).expect("valid");
+        let x = first.expect("there are two frames");
+        let along = (0..20).map(|k| x[3 * k].distance(x[3 * k + 3]) / 0.02 - 1.0);
+        along.fold(0.0, f64::max)
+    };
+    let (held, slipped) = (longest(0.0), longest(1.0));
+    assert!(held > 0.15, "{held}");
+    assert!(slipped < 0.07, "{slipped}");
+}
