@@ -29,12 +29,14 @@ pub(crate) struct Near {
 }
 
 impl Near {
-    /// Weights of the gap between the two where their vertices are `at` [m].
-    pub fn weights(&self, at: &[DVec3; 4]) -> [f64; 4] {
-        match self.is_edges {
-            true => proximity::edge_edge(at),
-            false => proximity::vertex_triangle(at),
-        }
+    /// The gap between the two at `x` [m], and its weights.
+    pub fn gap(&self, x: &[DVec3]) -> (DVec3, [f64; 4]) {
+        let at = self.verts.map(|v| x[v as usize]);
+        let weights = match self.is_edges {
+            true => proximity::edge_edge(&at),
+            false => proximity::vertex_triangle(&at),
+        };
+        (proximity::weighted(&at, &weights), weights)
     }
 }
 

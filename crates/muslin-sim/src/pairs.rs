@@ -23,9 +23,7 @@ pub(crate) struct Pair {
 impl Pair {
     /// The pair as it stands at `x`, if it is closer than the barrier's radius.
     pub fn at(near: &Near, x: &[DVec3], rule: &Rule) -> Option<Pair> {
-        let at = near.verts.map(|v| x[v as usize]);
-        let weights = near.weights(&at);
-        let stuck = proximity::weighted(&at, &weights);
+        let (stuck, weights) = near.gap(x);
         let [_, slope, _] = rule.barrier.at(stuck.length());
         let (grip, stick) = (-slope * rule.friction, rule.stick);
         let pair = Pair {

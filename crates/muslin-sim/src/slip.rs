@@ -166,9 +166,7 @@ struct Hold {
 impl Hold {
     /// Where slipping begins at `x` [m]; what is farther apart than `room` [m] may come as near as that.
     fn new(near: &Near, x: &[DVec3], room: f64) -> Option<Self> {
-        let at = near.verts.map(|v| x[v as usize]);
-        let weights = near.weights(&at);
-        let gap = proximity::weighted(&at, &weights);
+        let (gap, weights) = near.gap(x);
         let apart = gap.length();
         (apart > 0.0).then(|| Self {
             verts: near.verts,

@@ -17,11 +17,16 @@ struct Scene {
     faces: Vec<[u32; 3]>,
 }
 
+/// A sheet of so many cells, and where its vertices lie flat [m].
+fn sheet(size: DVec2, cells: [usize; 2]) -> (Cloth, Vec<DVec2>) {
+    let (flat, faces) = grid(size, cells);
+    let corners = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
+    (cut(flat.len(), faces, corners, cotton()), flat)
+}
+
 impl Scene {
     fn new() -> Scene {
-        let (flat, faces) = grid(DVec2::splat(0.3), [14, 14]);
-        let corners = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
-        let cloth = cut(flat.len(), faces, corners, cotton());
+        let (cloth, flat) = sheet(DVec2::splat(0.3), [14, 14]);
         let start = flat
             .iter()
             .map(|p| DVec3::new(p.x - 0.15, 0.13, 0.15 - p.y));
@@ -165,9 +170,7 @@ const JERK: usize = 3;
 /// A strip that hangs from a ball which jerks aside. In the frame `pinched` two more balls close on it below where it
 /// is held, through each other.
 fn strip(inertia: f64, pinched: Option<usize>) -> Vec<Refined> {
-    let (flat, faces) = grid(DVec2::new(0.04, 0.4), [2, 20]);
-    let corners = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
-    let mut cloth = cut(flat.len(), faces, corners, cotton());
+    let (mut cloth, flat) = sheet(DVec2::new(0.04, 0.4), [2, 20]);
     cloth.pins = (60..63).collect();
     let ball = |y: f64, z: f64, radius: f64| {
         let middle = DVec3::new(0.02, y, z);
@@ -265,9 +268,7 @@ fn with_inertia_cloth_swings_and_more_of_it_swings_slower() {
 #[test]
 fn cloth_that_swings_is_within_its_limit_from_the_first_frame_on() {
     // A strip that is held at both ends, a fifth farther apart than it is long.
-    let (flat, faces) = grid(DVec2::new(0.04, 0.4), [2, 20]);
-    let corners = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
-    let mut cloth = cut(flat.len(), faces, corners, cotton());
+    let (mut cloth, flat) = sheet(DVec2::new(0.04, 0.4), [2, 20]);
     cloth.pins = (0..3).chain(60..63).collect();
     let drawn = |p: &DVec2| DVec3::new(p.x, 1.2 * p.y, 0.0);
     let guess: Vec<DVec3> = flat.iter().map(drawn).collect();
