@@ -17,6 +17,8 @@ pub struct Keep {
     pub share: f64,
     /// Never less than this [m]; a pair that starts nearer keeps all it has.
     pub least: f64,
+    /// Never more than this [m]: who comes from afar may pass as near by as those that lie on each other.
+    pub most: f64,
 }
 
 impl Keep {
@@ -24,6 +26,7 @@ impl Keep {
     pub const NOTHING: Self = Self {
         share: 0.0,
         least: 0.0,
+        most: f64::INFINITY,
     };
     /// What cloth keeps of its distance from cloth. The least is more than what files round positions
     /// by: cloth that is pressed together without it comes so near within a frame that a file shows it
@@ -31,6 +34,7 @@ impl Keep {
     pub const CLOTH: Self = Self {
         share: 0.2,
         least: 1e-5,
+        most: 3e-4,
     };
 }
 
@@ -72,7 +76,9 @@ fn advance(
 ) -> f64 {
     let mut between = gap(x);
     let first = between.length();
-    let least = (keep.share * first).max(keep.least.min(first));
+    let least = (keep.share * first)
+        .min(keep.most)
+        .max(keep.least.min(first));
     if speed <= first - least {
         return 1.0;
     }
@@ -131,6 +137,7 @@ mod tests {
     const TENTH: Keep = Keep {
         share: 0.1,
         least: 0.0,
+        most: f64::INFINITY,
     };
 
     #[test]
@@ -173,6 +180,13 @@ mod tests {
         let ends = [DVec3::Y, DVec3::new(0.0, 1.0, 0.01)].map(|p| p * 1e-3);
         let at = [ends[0], ends[1], DVec3::X * -9.0, DVec3::X * 9.0];
         assert_eq!(edge_edge(&at, &by, Keep::CLOTH), 1.0);
+        // Two edges side by side, one of which comes from a centimetre off and goes as far again.
+        let ends = [0.0, 0.02].map(|z| DVec3::new(-0.01, 1.4e-3, z));
+        let below = [0.0, 0.02].map(|z| DVec3::Z * z);
+        let at = [ends[0], ends[1], below[0], below[1]];
+        assert_eq!(edge_edge(&at, &by.map(|d| d * 0.02), Keep::CLOTH), 1.0);
+        let low = at.map(|p| DVec3::new(p.x, 0.2 * p.y, p.z));
+        assert!(edge_edge(&low, &by.map(|d| d * 0.02), Keep::CLOTH) < 0.5);
     }
 
     #[test]

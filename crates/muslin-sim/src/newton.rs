@@ -265,8 +265,12 @@ mod tests {
         };
         let rule = Rule {
             barrier: cloth_barrier,
-            friction: 0.0,
+            friction: &[0.3; 9],
             stick: 5e-5,
+            from: &target,
+            ahead: None,
+            pushed: None,
+            fall: DVec3::ZERO,
         };
         let near = Near {
             verts: [0, 2, 6, 8],

@@ -1,7 +1,9 @@
 //! Cloth on cloth: near pairs push each other apart and rub.
 
 use glam::{DVec3, Mat3A};
-use muslin_energy::{AtPoint, contact, contact::Barrier, friction, friction::Pressed, proximity};
+use muslin_energy::{
+    AtPoint, contact, contact::Barrier, friction, friction::Pressed, outer, proximity,
+};
 
 use crate::{
     matrix::{Link, narrow},
@@ -9,31 +11,81 @@ use crate::{
     ordered,
 };
 
-/// A pair that is close enough to push.
+/// A pair that is close enough to push, or will be once weight led the one to the other.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pair {
     pub verts: [u32; 4],
     pub weights: [f64; 4],
-    /// Where the gap would be if the two had stuck together [m].
+    /// Unit vector across the gap.
+    pub normal: DVec3,
+    /// Where the gap would be if the two had stuck together since the step began [m].
     pub stuck: DVec3,
     pub grip: f64,
     pub stick: f64,
+    /// How far the two would slide along each other unforced [m], where that is no more than a guess.
+    pub ahead: DVec3,
+    /// What holds the two apart that do not push yet [N/m].
+    pub soon: f64,
 }
 
 impl Pair {
-    /// The pair as it stands at `x`, if it is closer than the barrier's radius.
-    pub fn at(near: &Near, x: &[DVec3], rule: &Rule) -> Option<Pair> {
-        let (stuck, weights) = near.gap(x);
-        let [_, slope, _] = rule.barrier.at(stuck.length());
-        let (grip, stick) = (-slope * rule.friction, rule.stick);
+    /// The pair as it stands at `x`, if it is closer than the barrier's radius or weight leads it there.
+    pub fn at(near: &Near, x: &[DVec3], rule: &Rule<'_>) -> Option<Pair> {
+        let (gap, weights) = near.gap(x);
+        let [_, slope, _] = rule.barrier.at(gap.length());
+        let normal = gap.normalize_or_zero();
+        let there =
+            |at: &[DVec3]| proximity::weighted(&near.verts.map(|v| at[v as usize]), &weights);
+        let stuck = there(rule.from);
         let pair = Pair {
             verts: near.verts,
             weights,
+            normal,
             stuck,
-            grip,
-            stick,
+            ahead: rule.ahead.map_or(DVec3::ZERO, |at| there(at) - stuck),
+            grip: 0.0,
+            stick: rule.stick,
+            soon: 0.0,
         };
-        (slope < 0.0).then_some(pair)
+        if slope < 0.0 {
+            let known = rule.pushed.map_or(f64::INFINITY, |p| pair.pushed(p));
+            let grip = known.min(-slope) * pair.mean(rule.friction);
+            return Some(Pair { grip, ..pair });
+        }
+        let fall = rule.fall.dot(normal).abs();
+        let [_, there, _] = rule.barrier.at(gap.length() - fall);
+        (there < 0.0).then(|| Pair {
+            soon: -there / fall,
+            ..pair
+        })
+    }
+
+    /// The mean over the two sides of what is known of vertices.
+    fn mean(&self, of: &[f64]) -> f64 {
+        let ends = self.verts.iter().zip(&self.weights);
+        0.5 * ends.map(|(v, w)| w.abs() * of[*v as usize]).sum::<f64>()
+    }
+
+    /// How strongly the two push each other at most if all that cloth pushes their vertices is `known` [N]: a side that
+    /// slid to where nobody was before tells nothing.
+    fn pushed(&self, known: &[f64]) -> f64 {
+        let ends = || self.verts.iter().zip(&self.weights);
+        let side = |sign: f64| {
+            let of = ends().filter(|(_, w)| sign * **w > TINY);
+            of.map(|(v, w)| known[*v as usize] / w.abs())
+                .fold(f64::INFINITY, f64::min)
+        };
+        side(1.0).max(side(-1.0))
+    }
+
+    /// How strongly the two push after a Newton step from `from` to `to` [m]: as the step saw it, and where it ended. A
+    /// blow that threw them apart holds nobody [N].
+    fn pushes(&self, (from, to): (&[DVec3], &[DVec3]), barrier: &Barrier) -> f64 {
+        let [gap, there] = [from, to].map(|x| self.gap(x));
+        let [[_, slope, curvature], [_, ended, _]] =
+            [gap, there].map(|gap| barrier.at(gap.length()));
+        let seen = slope + curvature * (there - gap).dot(self.normal);
+        -seen.max(ended).min(0.0)
     }
 
     fn gap(&self, x: &[DVec3]) -> DVec3 {
@@ -43,30 +95,57 @@ impl Pair {
     fn answer(&self, x: &[DVec3], barrier: &Barrier) -> AtPoint {
         let gap = self.gap(x);
         let mut out = contact::apart(gap, barrier);
+        out.hessian += outer(self.normal * self.soon, self.normal);
         if self.grip > 0.0 {
-            let normal = self.stuck.normalize_or_zero();
             let on = Pressed {
-                normal,
+                normal: self.normal,
                 limit: self.grip,
                 stick: self.stick,
             };
             let rub = friction::slide_majorised(gap - self.stuck, &on);
             out.energy += rub.energy;
             out.gradient += rub.gradient;
-            out.hessian += rub.hessian;
+            // Who has not begun to slide would seem to stick.
+            out.hessian += match self.ahead == DVec3::ZERO {
+                true => rub.hessian,
+                false => friction::slide_majorised(self.ahead, &on).hessian,
+            };
         }
         out
     }
 }
 
-/// How cloth meets cloth.
+/// How cloth meets cloth in a step.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Rule {
+pub(crate) struct Rule<'a> {
     pub barrier: Barrier,
-    /// Coulomb's coefficient.
-    pub friction: f64,
+    /// Coulomb's coefficient at every vertex; a pair's is the mean of its sides'.
+    pub friction: &'a [f64],
     /// Slide that still counts as sticking [m].
     pub stick: f64,
+    /// Where the cloth was when the step began [m].
+    pub from: &'a [DVec3],
+    /// Where it would be at its end unforced [m], if a solve begins far from there.
+    pub ahead: Option<&'a [DVec3]>,
+    /// How strongly cloth pushed each vertex when the last step ended [N], if that is known: friction goes by it.
+    pub pushed: Option<&'a [f64]>,
+    /// How far weight alone leads within the step [m]: who may meet by that is held up before he falls through.
+    pub fall: DVec3,
+}
+
+/// A smaller weight of a pair is rounding.
+const TINY: f64 = 1e-6;
+
+/// How strongly cloth pushes every vertex after a Newton step [N]; see [`Pair::pushes`].
+pub(crate) fn pushes(pairs: &[Pair], ways: (&[DVec3], &[DVec3]), barrier: &Barrier) -> Vec<f64> {
+    let forces = ordered::map(pairs.len(), |p| pairs[p].pushes(ways, barrier));
+    let mut out = vec![0.0; ways.0.len()];
+    for (pair, force) in pairs.iter().zip(forces) {
+        for (v, w) in pair.verts.iter().zip(&pair.weights) {
+            out[*v as usize] += force * w.abs();
+        }
+    }
+    out
 }
 
 /// Sum of the pairs' energies [J].
@@ -96,4 +175,97 @@ pub(crate) fn add(
     };
     let links = pairs.iter().zip(&answers).map(link);
     links.filter(|l| l.stiffness != Mat3A::ZERO).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A vertex over the middle of a triangle, in the plane of 0 height; two sorts of cloth.
+    fn over(height: f64) -> [DVec3; 4] {
+        let corner = |k: u32| {
+            DVec3::new(
+                [0.0, 0.01, -0.01][k as usize],
+                0.0,
+                [0.01, 0.0, 0.0][k as usize],
+            )
+        };
+        [
+            DVec3::new(0.0, height, 0.004),
+            corner(0),
+            corner(1),
+            corner(2),
+        ]
+    }
+
+    const NEAR: Near = Near {
+        verts: [0, 1, 2, 3],
+        is_edges: false,
+    };
+    const FRICTION: [f64; 4] = [0.6, 0.2, 0.2, 0.2];
+
+    fn rule<'a>(from: &'a [DVec3], pushed: Option<&'a [f64]>, fall: f64) -> Rule<'a> {
+        Rule {
+            barrier: Barrier {
+                radius: 1.5e-3,
+                width: 0.75e-3,
+                stiffness: 150.0,
+            },
+            friction: &FRICTION,
+            stick: 3e-5,
+            from,
+            ahead: None,
+            pushed,
+            fall: DVec3::NEG_Y * fall,
+        }
+    }
+
+    #[test]
+    fn a_pair_grips_as_both_its_sides_rub_and_by_no_more_than_pushed_before() {
+        let x = over(1e-3);
+        let grip = |pushed: Option<&[f64]>| {
+            Pair::at(&NEAR, &x, &rule(&x, pushed, 0.0))
+                .expect("it is near")
+                .grip
+        };
+        let [_, slope, _] = rule(&x, None, 0.0).barrier.at(1e-3);
+        assert!((grip(None) / (-0.4 * slope) - 1.0).abs() < 1e-9);
+        // The triangle may have come from where nobody lay on it.
+        let pushed = [1e-4, 0.0, 0.0, 0.0];
+        assert!((grip(Some(&pushed)) / 0.4e-4 - 1.0).abs() < 1e-9);
+        assert_eq!(grip(Some(&[0.0; 4])), 0.0);
+    }
+
+    #[test]
+    fn what_pushed_is_what_a_step_saw_unless_it_threw_the_two_apart() {
+        let x = over(1e-3);
+        let rule = rule(&x, None, 0.0);
+        let pair = Pair::at(&NEAR, &x, &rule).expect("it is near");
+        let pushed = |height: f64| pushes(&[pair], (&x, &over(height)), &rule.barrier);
+        let [_, slope, curvature] = rule.barrier.at(1e-3);
+        let still = pushed(1e-3);
+        assert!((still[0] / -slope - 1.0).abs() < 1e-9, "{still:?}");
+        assert!((still[1..].iter().sum::<f64>() / -slope - 1.0).abs() < 1e-9);
+        let nearer = pushed(0.9e-3)[0];
+        assert!(
+            (nearer / (1e-4 * curvature - slope) - 1.0).abs() < 0.1,
+            "{nearer}"
+        );
+        assert_eq!(pushed(1.6e-3)[0], 0.0);
+    }
+
+    #[test]
+    fn who_is_about_to_fall_on_cloth_is_held_up_and_rubs_nobody() {
+        let x = over(2.5e-3);
+        assert!(Pair::at(&NEAR, &x, &rule(&x, None, 0.0)).is_none());
+        let rule = rule(&x, None, 2.7e-3);
+        let pair = Pair::at(&NEAR, &x, &rule).expect("it falls");
+        assert_eq!((pair.grip, pair.gap(&x).y), (0.0, 2.5e-3));
+        // As stiff as makes it end where the barrier would push as much.
+        let [_, there, _] = rule.barrier.at(-0.2e-3);
+        assert!((pair.soon * 2.7e-3 / -there - 1.0).abs() < 1e-9);
+        let answer = pair.answer(&x, &rule.barrier);
+        assert_eq!((answer.energy, answer.gradient), (0.0, DVec3::ZERO));
+        assert!((answer.hessian.y_axis.y / pair.soon - 1.0).abs() < 1e-9);
+    }
 }

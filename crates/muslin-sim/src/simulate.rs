@@ -43,6 +43,8 @@ pub struct State {
     pub velocities: Vec<DVec3>,
     /// How strongly skin presses each vertex [N], which friction goes by; empty where that is not known.
     pub pressed: Vec<f64>,
+    /// How strongly cloth pushes each [N], the same way.
+    pub pushed: Vec<f64>,
 }
 
 /// One delivered frame.
@@ -134,8 +136,10 @@ impl<'a> Run<'a> {
         if let Some(state) = resume {
             same("state", state.verts.len(), weave.n_verts())?;
             same("state", state.velocities.len(), weave.n_verts())?;
-            if !state.pressed.is_empty() {
-                same("state", state.pressed.len(), weave.n_verts())?;
+            for force in [&state.pressed, &state.pushed] {
+                if !force.is_empty() {
+                    same("state", force.len(), weave.n_verts())?;
+                }
             }
             let before = run.dents.frame(frame.saturating_sub(1))?;
             run.stage.body.advance(&before.skin);

@@ -44,10 +44,10 @@ pub(crate) struct Stage<'a> {
     before: Vec<DVec3>,
     /// The start of the last step of moving cloth, if nothing happened since that it does not tell.
     past: Option<Past>,
-    /// How strongly skin pushed each vertex when the last step of moving cloth ended [N], which is what friction
+    /// How strongly skin and cloth pushed each vertex when the last step of moving cloth ended [N], which is what friction
     /// goes by. Where a step begins the body has moved on, and skin that meets cloth would seem to press it
     /// thousands of times its weight; that is all there is to go by where no step is known.
-    pressed: Option<Vec<f64>>,
+    pressed: Option<Press>,
     /// Vertices of faces that passed through cloth.
     tangled: Vec<bool>,
     /// Faces that the body pokes through, or might: their insides touch as well.
@@ -81,8 +81,15 @@ pub(crate) struct Mark {
     x: Vec<DVec3>,
     v: Vec<DVec3>,
     past: Option<Past>,
-    pressed: Option<Vec<f64>>,
+    pressed: Option<Press>,
     skin: Vec<DVec3>,
+}
+
+/// How strongly every vertex is pressed [N].
+#[derive(Clone)]
+struct Press {
+    by_skin: Vec<f64>,
+    by_cloth: Vec<f64>,
 }
 
 /// Where a pin sits in the frame of its skin [m].
@@ -295,11 +302,14 @@ impl<'a> Stage<'a> {
 
     /// Forgets everything but the state, so that whoever resumes from it goes the same way.
     pub fn checkpoint(&mut self, frame: usize) -> State {
+        let pressed = self.pressed.take().map(|p| (p.by_skin, p.by_cloth));
+        let (pressed, pushed) = pressed.unwrap_or_default();
         let state = State {
             frame,
             verts: self.x.clone(),
             velocities: self.v.clone(),
-            pressed: self.pressed.take().unwrap_or_default(),
+            pressed,
+            pushed,
         };
         self.resume(&state);
         state
@@ -308,7 +318,11 @@ impl<'a> Stage<'a> {
     /// Goes on from a state.
     pub fn resume(&mut self, state: &State) {
         self.restore(&state.verts, &state.velocities);
-        self.pressed = Some(state.pressed.clone()).filter(|p| !p.is_empty());
+        let known = [&state.pressed, &state.pushed].map(|p| !p.is_empty());
+        self.pressed = (known == [true; 2]).then(|| Press {
+            by_skin: state.pressed.clone(),
+            by_cloth: state.pushed.clone(),
+        });
     }
 
     /// Pairs `[cloth face, body face]` that meet.

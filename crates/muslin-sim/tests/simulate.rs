@@ -260,3 +260,82 @@ fn skin_that_strikes_cloth_takes_it_along_by_no_more_than_friction_allows() {
     let law = 0.3 * 0.5;
     assert!((speed.x / law - 1.0).abs() < 0.1, "{speed}");
 }
+
+/// Speeds along the slope [m/s], frame after frame of a sixtieth, of a small sheet that begins with `speed` on a long
+/// one, which is held, where its weight leans by `angle`.
+fn slides_on_cloth(speed: f64, angle: f64) -> Vec<f64> {
+    let piece = |size: DVec2, [cols, rows]: [usize; 2], at: DVec3| {
+        let (flat, faces) = grid(size, [cols, rows]);
+        let placed: Vec<DVec3> = flat
+            .iter()
+            .map(|p| at + DVec3::new(p.x, 0.0, -p.y))
+            .collect();
+        (flat, faces, placed)
+    };
+    let (mut flat, mut faces, mut start) =
+        piece(DVec2::new(0.8, 0.2), [40, 10], DVec3::new(0.0, 3e-3, 0.0));
+    let held = start.len() as u32;
+    let on_it = piece(
+        DVec2::splat(0.1),
+        [5, 5],
+        DVec3::new(0.105, 3e-3 + 1.45e-3, -0.053),
+    );
+    flat.extend(on_it.0);
+    faces.extend(on_it.1.iter().map(|f| f.map(|i| i + held)));
+    start.extend(on_it.2);
+    let rest = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
+    let cloth = Cloth {
+        pins: (0..held).collect(),
+        ..cut(start.len(), faces, rest, cotton())
+    };
+    let (ground, faces) = slab(0.0);
+    let walk = Walk {
+        faces: &faces,
+        rest: &ground,
+        frames: 31,
+        lead: 0,
+        fps: 60.0,
+        at: &|_| ground.clone().into(),
+    };
+    let options = Options {
+        gravity: DVec3::new(angle.sin(), -angle.cos(), 0.0) * 9.81,
+        air: Air::NONE,
+        ..Options::default()
+    };
+    let held = held as usize;
+    let along = |i: usize| DVec3::X * if i < held { 0.0 } else { speed };
+    let state = State {
+        frame: 1,
+        velocities: (0..start.len()).map(along).collect(),
+        verts: start.clone(),
+        ..State::default()
+    };
+    let mean = |x: &[DVec3]| x[held..].iter().map(|p| p.x).sum::<f64>() / (x.len() - held) as f64;
+    let mut at = vec![mean(&start)];
+    simulate(&cloth, (&start, Some(&state)), (&walk, &options), |m| {
+        at.push(mean(m.verts));
+        ControlFlow::Continue(())
+    })
+    .expect("a valid scene");
+    at.windows(2).map(|w| (w[1] - w[0]) * 60.0).collect()
+}
+
+#[test]
+fn cloth_slides_on_cloth_and_friction_slows_it() {
+    // Coulomb's coefficient is 0.3: nobody is slowed more than that, and who slides is.
+    let law = 0.3 * 9.81 / 60.0;
+    let thrown = slides_on_cloth(1.0, 0.0);
+    for (k, speed) in thrown.iter().enumerate() {
+        let least = (1.0 - law * (k + 1) as f64).max(0.0) - 0.02;
+        assert!(*speed > least, "{speed} after {k} frames: it sticks");
+    }
+    assert!(thrown[9] < 0.93 && thrown[29] < 0.7, "{thrown:?}");
+    // Where it leans by less than 16.7 degrees it stays.
+    for angle in [10.0f64, 15.0] {
+        let speeds = slides_on_cloth(0.0, angle.to_radians());
+        assert!(speeds.iter().all(|v| v.abs() < 2e-3), "{angle}: {speeds:?}");
+    }
+    let slides = slides_on_cloth(0.0, 25f64.to_radians());
+    let law = 9.81 * (25f64.to_radians().sin() - 0.3 * 25f64.to_radians().cos()) * 0.5;
+    assert!((0.05..law).contains(&slides[29]), "{slides:?} for {law}");
+}

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 use muslin_energy::{contact::Barrier, point::Scheme};
 
-use super::Stage;
+use super::{Press, Stage};
 use crate::{
     air::{Air, Drag},
     body::Skin,
@@ -11,7 +11,7 @@ use crate::{
     matrix::Effort,
     newton::{Descent, Problem},
     ordered,
-    pairs::{Pair, Rule},
+    pairs::{self, Pair, Rule},
     pattern::Rows,
     quality, slip,
     touch::Touch,
@@ -87,8 +87,8 @@ struct Led {
 /// What a step met of the body.
 struct Met {
     touches: Vec<Touch>,
-    /// How strongly skin pushes every vertex at its end [N].
-    pressed: Vec<f64>,
+    /// How strongly every vertex is pressed at its end [N].
+    pressed: Press,
 }
 
 impl Stage<'_> {
@@ -152,10 +152,12 @@ impl Stage<'_> {
     fn newton(&mut self, way: &Way, pace: &Pace) -> Option<Met> {
         let tau = way.scheme.tau;
         let first = self.touches(tau);
-        let (pairs, energy) = self.start(way, &first);
+        let (mut pairs, energy) = self.start((way, pace), &first);
         let mut from = self.x.clone();
         let mut led = self.correct((way, pace), (&first, &pairs), (energy, CLOSE))?;
         let mut pressed = self.pressure(&first, &from);
+        let barrier = self.barrier();
+        let mut pushed = pairs::pushes(&pairs, (&from, &self.x), &barrier);
         let mut last = f64::INFINITY;
         let mut again = None;
         for _ in 1..pace.rounds {
@@ -171,19 +173,23 @@ impl Stage<'_> {
             if pace.smooth || led.farthest > TURNED {
                 again = Some(self.touches(tau));
             }
-            let pairs = self.pairs(&self.rule(tau));
+            pairs = self.pairs((way, pace));
             let touches = again.as_ref().unwrap_or(&first);
             from.clone_from(&self.x);
             let tolerance = if far && !struck { CLOSE } else { LOOSE };
             led = self.correct((way, pace), (touches, &pairs), (None, tolerance))?;
             pressed = self.pressure(touches, &from);
+            pushed = pairs::pushes(&pairs, (&from, &self.x), &barrier);
         }
         if !pace.smooth {
             self.slip(again.as_ref().unwrap_or(&first));
         }
         Some(Met {
             touches: first,
-            pressed,
+            pressed: Press {
+                by_skin: pressed,
+                by_cloth: pushed,
+            },
         })
     }
 
@@ -230,7 +236,7 @@ impl Stage<'_> {
     fn is_struck(&self, pressed: &[f64]) -> bool {
         let (mut struck, mut all) = (0.0, 0.0);
         for (i, (now, mass)) in pressed.iter().zip(&self.weave.mass).enumerate() {
-            let before = self.pressed.as_ref().map_or(0.0, |p| p[i]);
+            let before = self.pressed.as_ref().map_or(0.0, |p| p.by_skin[i]);
             let otherwise = (now - before).abs() > 0.5 * now.max(before);
             struck += if otherwise { *mass } else { 0.0 };
             all += mass;
@@ -290,9 +296,8 @@ impl Stage<'_> {
     /// Lets a step begin where that costs least of where everything drifted to, where it would had neighbours
     /// drifted alike, and where it was; the pairs that push each other where it begins, and the energy
     /// there [J], where that was asked.
-    fn start(&mut self, way: &Way, touches: &[Touch]) -> (Vec<Pair>, Option<f64>) {
-        let rule = self.rule(way.scheme.tau);
-        let pairs = self.pairs(&rule);
+    fn start(&mut self, (way, pace): (&Way, &Pace), touches: &[Touch]) -> (Vec<Pair>, Option<f64>) {
+        let pairs = self.pairs((way, pace));
         if self.x == way.from {
             return (pairs, None);
         }
@@ -307,14 +312,14 @@ impl Stage<'_> {
         let alike = smoothed(way.drift(), near, ALIKE);
         self.x.clone_from(&way.from);
         self.go(alike);
-        let pairs = self.pairs(&rule);
+        let pairs = self.pairs((way, pace));
         let problem = self.problem(way, (touches, &pairs, &pins));
         let energy = problem.energy(&self.x);
         if energy < still {
             return (pairs, Some(energy));
         }
         self.x.clone_from(&way.from);
-        (self.pairs(&rule), None)
+        (self.pairs_from((way, pace), true), None)
     }
 
     /// A Newton step from where the cloth is.
@@ -354,7 +359,7 @@ impl Stage<'_> {
             drag: way.drag.as_ref(),
             touches,
             pairs,
-            barrier: self.rule(way.scheme.tau).barrier,
+            barrier: self.barrier(),
             pins,
             pin: self.options.pin,
         }
@@ -399,7 +404,7 @@ impl Stage<'_> {
         if let Some(pressed) = &self.pressed {
             let grip = |t: &Touch| {
                 let v = t.verts[0] as usize;
-                t.grip.min(self.weave.friction[v] * pressed[v])
+                t.grip.min(self.weave.friction[v] * pressed.by_skin[v])
             };
             touches.iter_mut().for_each(|t| t.grip = grip(t));
         }
@@ -412,26 +417,40 @@ impl Stage<'_> {
         touches
     }
 
-    fn rule(&self, h: f64) -> Rule {
+    fn barrier(&self) -> Barrier {
         let radius = self.weave.radius;
-        let barrier = Barrier {
+        Barrier {
             radius,
             width: 0.5 * radius,
             stiffness: CLOTH_STIFFNESS,
-        };
-        let friction = self.weave.friction.iter().copied().fold(0.0, f64::max);
-        Rule {
-            barrier,
-            friction,
-            stick: STICK * h,
         }
     }
 
-    fn pairs(&mut self, rule: &Rule) -> Vec<Pair> {
+    fn pairs(&mut self, on: (&Way, &Pace)) -> Vec<Pair> {
+        self.pairs_from(on, false)
+    }
+
+    /// Pairs that push, or soon will, as a solve begins that is `still` where the step began.
+    fn pairs_from(&mut self, (way, pace): (&Way, &Pace), still: bool) -> Vec<Pair> {
+        let barrier = self.barrier();
         let cloth = (self.weave, &self.tangled[..]);
-        self.near.look(cloth, &self.x, rule.barrier.radius);
-        let (list, x) = (&self.near.list, &self.x);
-        let found = ordered::map(list.len(), |k| Pair::at(&list[k], x, rule));
+        self.near.look(cloth, &self.x, barrier.radius);
+        let (list, x, h) = (&self.near.list, &self.x, way.scheme.tau);
+        // Cloth that comes to rest has no time in which it slid or fell.
+        let (from, fall) = match pace.smooth {
+            true => (x, DVec3::ZERO),
+            false => (&way.from, self.options.gravity * (h * h)),
+        };
+        let rule = Rule {
+            barrier,
+            friction: &self.weave.friction,
+            stick: STICK * h,
+            from,
+            ahead: (still && !pace.smooth).then_some(&way.target),
+            pushed: self.pressed.as_ref().map(|p| &p.by_cloth[..]),
+            fall,
+        };
+        let found = ordered::map(list.len(), |k| Pair::at(&list[k], x, &rule));
         found.into_iter().flatten().collect()
     }
 }

@@ -60,7 +60,7 @@ impl Reel {
             let points = s.verts.iter().chain(&s.velocities);
             points
                 .flat_map(|v| v.to_array())
-                .chain(s.pressed.iter().copied())
+                .chain(s.pressed.iter().chain(&s.pushed).copied())
                 .for_each(|x| number(&mut out, x));
         }
         out
@@ -88,7 +88,8 @@ impl Reel {
                 frame: frame as usize,
                 verts: doubles(from, n_verts[0])?,
                 velocities: doubles(from, n_verts[0])?,
-                pressed: numbers(from, if from.is_empty() { 0 } else { n_verts[0] })?,
+                pressed: numbers_if_any(from, n_verts[0])?,
+                pushed: numbers_if_any(from, n_verts[0])?,
             }),
             false => None,
         };
@@ -131,6 +132,11 @@ fn numbers(from: &mut &[u8], n: usize) -> Option<Vec<f64>> {
     Some(all.map(|b| f64::from_le_bytes(*b)).collect())
 }
 
+/// Numbers that a record ends with, unless it ended before them.
+fn numbers_if_any(from: &mut &[u8], n: usize) -> Option<Vec<f64>> {
+    numbers(from, if from.is_empty() { 0 } else { n })
+}
+
 fn points(flat: &[f64]) -> Vec<DVec3> {
     let chunks = flat.as_chunks::<3>().0.iter();
     chunks.map(|c| DVec3::from_array(*c)).collect()
@@ -162,6 +168,7 @@ mod tests {
             verts: at(3, 5),
             velocities: at(4, 5),
             pressed: vec![0.0, 0.25, 0.0, 0.5, 3.0],
+            pushed: vec![0.5, 0.0, 0.125, 0.0, 1.0],
         };
         let mut back = Reel::default();
         let [early, late] = [reel.record(0, None), reel.record(2, Some(&state))];
