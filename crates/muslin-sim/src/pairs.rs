@@ -34,23 +34,18 @@ impl Pair {
         let (gap, weights) = near.gap(x);
         let [_, slope, _] = rule.barrier.at(gap.length());
         let normal = gap.normalize_or_zero();
-        let there =
-            |at: &[DVec3]| proximity::weighted(&near.verts.map(|v| at[v as usize]), &weights);
-        let stuck = there(rule.from);
         let pair = Pair {
             verts: near.verts,
             weights,
             normal,
-            stuck,
-            ahead: rule.ahead.map_or(DVec3::ZERO, |at| there(at) - stuck),
+            stuck: DVec3::ZERO,
             grip: 0.0,
             stick: rule.stick,
+            ahead: DVec3::ZERO,
             soon: 0.0,
         };
         if slope < 0.0 {
-            let known = rule.pushed.map_or(f64::INFINITY, |p| pair.pushed(p));
-            let grip = known.min(-slope) * pair.mean(rule.friction);
-            return Some(Pair { grip, ..pair });
+            return Some(pair.rubbing(-slope, rule));
         }
         let fall = rule.fall.dot(normal).abs();
         let [_, there, _] = rule.barrier.at(gap.length() - fall);
@@ -58,6 +53,18 @@ impl Pair {
             soon: -there / fall,
             ..pair
         })
+    }
+
+    /// The pair with its friction, where the barrier pushes so strongly [N].
+    fn rubbing(self, push: f64, rule: &Rule<'_>) -> Pair {
+        let stuck = self.gap(rule.from);
+        let known = rule.pushed.map_or(f64::INFINITY, |p| self.pushed(p));
+        Pair {
+            stuck,
+            grip: known.min(push) * self.mean(rule.friction),
+            ahead: rule.ahead.map_or(DVec3::ZERO, |at| self.gap(at) - stuck),
+            ..self
+        }
     }
 
     /// The mean over the two sides of what is known of vertices.

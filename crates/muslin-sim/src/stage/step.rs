@@ -87,8 +87,8 @@ struct Led {
 /// What a step met of the body.
 struct Met {
     touches: Vec<Touch>,
-    /// How strongly every vertex is pressed at its end [N].
-    pressed: Press,
+    /// How strongly every vertex is pressed at its end [N], where cloth moves.
+    pressed: Option<Press>,
 }
 
 impl Stage<'_> {
@@ -156,8 +156,6 @@ impl Stage<'_> {
         let mut from = self.x.clone();
         let mut led = self.correct((way, pace), (&first, &pairs), (energy, CLOSE))?;
         let mut pressed = self.pressure(&first, &from);
-        let barrier = self.barrier();
-        let mut pushed = pairs::pushes(&pairs, (&from, &self.x), &barrier);
         let mut last = f64::INFINITY;
         let mut again = None;
         for _ in 1..pace.rounds {
@@ -179,17 +177,18 @@ impl Stage<'_> {
             let tolerance = if far && !struck { CLOSE } else { LOOSE };
             led = self.correct((way, pace), (touches, &pairs), (None, tolerance))?;
             pressed = self.pressure(touches, &from);
-            pushed = pairs::pushes(&pairs, (&from, &self.x), &barrier);
         }
-        if !pace.smooth {
+        let pressed = (!pace.smooth).then(|| {
+            let by_cloth = pairs::pushes(&pairs, (&from, &self.x), &self.barrier());
             self.slip(again.as_ref().unwrap_or(&first));
-        }
+            Press {
+                by_skin: pressed,
+                by_cloth,
+            }
+        });
         Some(Met {
             touches: first,
-            pressed: Press {
-                by_skin: pressed,
-                by_cloth: pushed,
-            },
+            pressed,
         })
     }
 
@@ -282,7 +281,7 @@ impl Stage<'_> {
                 self.v[i] = touch.without_bounce((old[i], self.v[i]), (self.before[i], h));
             }
         }
-        self.pressed = (!pace.smooth).then_some(met.pressed);
+        self.pressed = met.pressed;
         self.past = (!pace.smooth).then_some(Past {
             x: way.from,
             v: old,
