@@ -38,8 +38,23 @@ impl Near {
         };
         (proximity::weighted(&at, &weights), weights)
     }
+
+    /// Whether the way between the two at `x` [m], which is along `way`, is the way from the one sheet to the other:
+    /// upright on the triangle, or on both edges, which cross.
+    pub fn is_upright(&self, x: &[DVec3], way: DVec3) -> bool {
+        let [a, b, c, d] = self.verts.map(|v| x[v as usize]);
+        let [e, f] = match self.is_edges {
+            true => [b - a, d - c],
+            false => [c - b, d - b],
+        };
+        let across = e.normalize_or_zero().cross(f.normalize_or_zero());
+        across.length() > CROSSING && across.normalize().dot(way).abs() > UPRIGHT
+    }
 }
 
+/// Sine of the angle at which edges cross at least, cosine of that by which an upright way leans at most.
+const CROSSING: f64 = 0.3;
+const UPRIGHT: f64 = 1.0 - 1e-6;
 /// Slack of the list [m].
 const SLACK: f64 = 1.5e-3;
 /// Whoever stays farther apart than this does not meet [m].

@@ -66,8 +66,8 @@ impl Problem<'_> {
             + self.drag.map_or(0.0, |d| d.at(i, x[i]).energy)
     }
 
-    /// The gradient [N] and the matrix at `x`.
-    fn assemble(&self, x: &[DVec3]) -> (Vec<DVec3>, Matrix<'_>) {
+    /// The gradient [N] and the matrix at `x`, and which pairs are on their way apart.
+    fn assemble(&self, x: &[DVec3]) -> (Vec<DVec3>, Matrix<'_>, Vec<bool>) {
         let w = self.weave;
         let answers = elastic::answers(w, x);
         let mut gradient = ordered::map(x.len(), |i| self.own_gradient(&answers, x, i));
@@ -85,13 +85,33 @@ impl Problem<'_> {
                 add(w.pattern.places[f as usize][a][b], h);
             }
         });
-        let links = pairs::add(self.pairs, x, &self.barrier, &mut gradient);
-        (gradient, Matrix::new(&w.pattern, &w.bending, blocks, links))
+        let parting = self.parting(&gradient);
+        let links = pairs::add((self.pairs, &parting), x, &self.barrier, &mut gradient);
+        let matrix = Matrix::new(&w.pattern, &w.bending, blocks, links);
+        (gradient, matrix, parting)
+    }
+
+    /// Which pairs are on their way apart: those that do not push yet, where all other forces [N] lead patches of cloth
+    /// away from each other.
+    fn parting(&self, gradient: &[DVec3]) -> Vec<bool> {
+        if !self.pairs.iter().any(Pair::is_coming) {
+            return vec![false; self.pairs.len()];
+        }
+        let time = self.step * self.step;
+        let mut give: Vec<f64> = self.weave.mass.iter().map(|m| time / m).collect();
+        for &(i, _) in self.pins {
+            let give = &mut give[i as usize];
+            *give /= 1.0 + self.pin * *give;
+        }
+        let ways = ordered::map(gradient.len(), |i| gradient[i] * -give[i]);
+        let ways = self.weave.pattern.near.smoothed(ways, PATCHES);
+        let fall = self.gravity * time;
+        ordered::map(self.pairs.len(), |k| self.pairs[k].is_parting(&ways, fall))
     }
 
     /// The matrix at `x` without inertia, as [`Matrix::rows`] gives it.
     pub fn resistance(&self, x: &[DVec3]) -> (Vec<u32>, Vec<u32>, Vec<DMat3>) {
-        let (_, matrix) = self.assemble(x);
+        let (_, matrix, _) = self.assemble(x);
         let inertia = |i: usize| f64::from((self.weave.mass[i] / (self.step * self.step)) as f32);
         matrix.rows(inertia)
     }
@@ -143,7 +163,7 @@ impl Problem<'_> {
         effort: &Effort<'_>,
         kept: &mut Option<Factor>,
     ) -> Option<Descent> {
-        let (gradient, matrix) = self.assemble(x);
+        let (gradient, matrix, parting) = self.assemble(x);
         let down: Vec<DVec3> = gradient.iter().map(|g| -*g).collect();
         let (mut moves, _) = matrix.solve(&down, effort, kept);
         let first = energy.unwrap_or_else(|| self.energy(x));
@@ -156,12 +176,20 @@ impl Problem<'_> {
             // A rise within rounding of the sum is no rise.
             if energy <= first + 1e-12 * first.abs() {
                 let fell = (halved == 0).then(|| 2.0 * (first - energy) / work);
-                return Some(Descent { moves, fell });
+                return Some(Descent {
+                    moves,
+                    fell,
+                    parting,
+                });
             }
             moves.iter_mut().for_each(|m| *m *= 0.5);
         }
         let is_finite = moves.iter().all(|m| m.is_finite());
-        is_finite.then_some(Descent { moves, fell: None })
+        is_finite.then_some(Descent {
+            moves,
+            fell: None,
+            parting,
+        })
     }
 }
 
@@ -172,8 +200,13 @@ pub(crate) struct Descent {
     /// By how much the energy fell, as a share of what its gradient and matrix promised; none where the step had to
     /// be made shorter.
     pub fell: Option<f64>,
+    /// Which pairs were on their way apart.
+    pub parting: Vec<bool>,
 }
 
+/// Forces are looked at as patches of cloth feel them, spread to neighbours so many times: within a patch cloth pulls
+/// this way and that.
+const PATCHES: usize = 3;
 /// Steps are halved this often; a step of a sixteenth is taken whatever the energy says.
 const HALVINGS: usize = 4;
 
@@ -288,12 +321,12 @@ mod tests {
             gravity: DVec3::Y * -9.81,
             drag: Some(&drag),
             touches: &[touch],
-            pairs: &[Pair::at(&near, &x, &rule).expect("closer than the radius")],
+            pairs: &pairs::gripping(&[near], &x, &rule),
             barrier: cloth_barrier,
             pins: &[(2, x[2] + DVec3::Z * 1e-4)],
             pin: 100.0,
         };
-        let (gradient, _) = problem.assemble(&x);
+        let (gradient, ..) = problem.assemble(&x);
         for (i, axis) in (0..9).flat_map(|i| [(i, DVec3::X), (i, DVec3::Y), (i, DVec3::Z)]) {
             let at = |h: f64| {
                 let mut y = x.clone();
@@ -375,7 +408,7 @@ mod tests {
         let (cloth, x) = crumpled();
         let weave = Weave::new(&cloth).expect("a valid cloth");
         let problem = untouched(&weave, &x, (0.03, &[]));
-        let (gradient, matrix) = problem.assemble(&x);
+        let (gradient, matrix, _) = problem.assemble(&x);
         let (solution, _) = matrix.solve(
             &gradient,
             &Effort {
@@ -423,7 +456,7 @@ mod tests {
         let weave = Weave::new(&cloth).expect("a valid cloth");
         let pins = [(7, x[7])];
         let problem = untouched(&weave, &x, (0.02, &pins));
-        let (_, matrix) = problem.assemble(&x);
+        let (_, matrix, _) = problem.assemble(&x);
         let handles = crate::coarse::Handles::new(&weave.pattern.near, &weave.bending);
         let handles = handles.expect("one sheet");
         for (a, row) in crate::coarse::seen(&matrix, &handles).iter().enumerate() {
@@ -452,7 +485,7 @@ mod tests {
             .map(|i| (i, x[i as usize] + DVec3::Y * 1e-3))
             .collect();
         let problem = untouched(&weave, &x, (0.02, &pins));
-        let (gradient, matrix) = problem.assemble(&x);
+        let (gradient, matrix, _) = problem.assemble(&x);
         let down: Vec<DVec3> = gradient.iter().map(|g| -*g).collect();
         let handles = crate::coarse::Handles::new(&weave.pattern.near, &weave.bending);
         assert!(handles.is_some());

@@ -24,13 +24,16 @@ pub(crate) struct Pair {
     pub stick: f64,
     /// How far the two would slide along each other unforced [m], where that is no more than a guess.
     pub ahead: DVec3,
+    /// How strongly the two push, or will once weight led the one to the other [N].
+    press: f64,
     /// What holds the two apart that do not push yet [N/m].
-    pub soon: f64,
+    soon: f64,
 }
 
 impl Pair {
-    /// The pair as it stands at `x`, if it is closer than the barrier's radius or weight leads it there.
-    pub fn at(near: &Near, x: &[DVec3], rule: &Rule<'_>) -> Option<Pair> {
+    /// The pair as it stands at `x`, if it is closer than the barrier's radius or weight leads it there. What it
+    /// grips by is for [`gripping`] to say.
+    fn at(near: &Near, x: &[DVec3], rule: &Rule<'_>) -> Option<Pair> {
         let (gap, weights) = near.gap(x);
         let [_, slope, _] = rule.barrier.at(gap.length());
         let normal = gap.normalize_or_zero();
@@ -42,26 +45,33 @@ impl Pair {
             grip: 0.0,
             stick: rule.stick,
             ahead: DVec3::ZERO,
+            press: -slope,
             soon: 0.0,
         };
         if slope < 0.0 {
-            return Some(pair.rubbing(-slope, rule));
+            return Some(pair);
         }
         let fall = rule.fall.dot(normal).abs();
         let [_, there, _] = rule.barrier.at(gap.length() - fall);
-        (there < 0.0).then(|| Pair {
+        // Whoever is beside what he is not above meets something else first.
+        (there < 0.0 && near.is_upright(x, normal)).then(|| Pair {
+            press: -there,
             soon: -there / fall,
             ..pair
         })
     }
 
-    /// The pair with its friction, where the barrier pushes so strongly [N].
-    fn rubbing(self, push: f64, rule: &Rule<'_>) -> Pair {
+    /// The pair with its friction. `rates`: what cloth pushed every vertex, as a share of what it may now.
+    fn rubbing(self, rates: Option<&[f64]>, rule: &Rule<'_>) -> Pair {
+        let rate = match rates {
+            Some(rates) => self.known(rates),
+            // Who is only about to meet has not pushed yet.
+            None => f64::from(self.soon == 0.0),
+        };
         let stuck = self.gap(rule.from);
-        let known = rule.pushed.map_or(f64::INFINITY, |p| self.pushed(p));
         Pair {
             stuck,
-            grip: known.min(push) * self.mean(rule.friction),
+            grip: self.press * rate * self.mean(rule.friction),
             ahead: rule.ahead.map_or(DVec3::ZERO, |at| self.gap(at) - stuck),
             ..self
         }
@@ -73,26 +83,51 @@ impl Pair {
         0.5 * ends.map(|(v, w)| w.abs() * of[*v as usize]).sum::<f64>()
     }
 
-    /// How strongly the two push each other at most if all that cloth pushes their vertices is `known` [N]: a side that
-    /// slid to where nobody was before tells nothing.
-    fn pushed(&self, known: &[f64]) -> f64 {
+    /// The mean over both sides of what is known of vertices, or over the one alone if the other slid to where nobody
+    /// was before.
+    fn known(&self, of: &[f64]) -> f64 {
         let ends = || self.verts.iter().zip(&self.weights);
         let side = |sign: f64| {
-            let of = ends().filter(|(_, w)| sign * **w > TINY);
-            of.map(|(v, w)| known[*v as usize] / w.abs())
-                .fold(f64::INFINITY, f64::min)
+            let of = ends().map(|(v, w)| (sign * w).max(0.0) * of[*v as usize]);
+            of.sum::<f64>()
         };
-        side(1.0).max(side(-1.0))
+        let [one, other] = [1.0, -1.0].map(side);
+        match one.min(other) > 0.0 {
+            true => 0.5 * (one + other),
+            false => one.max(other),
+        }
     }
 
     /// How strongly the two push after a Newton step from `from` to `to` [m]: as the step saw it, and where it ended. A
     /// blow that threw them apart holds nobody [N].
     fn pushes(&self, (from, to): (&[DVec3], &[DVec3]), barrier: &Barrier) -> f64 {
-        let [gap, there] = [from, to].map(|x| self.gap(x));
-        let [[_, slope, curvature], [_, ended, _]] =
-            [gap, there].map(|gap| barrier.at(gap.length()));
-        let seen = slope + curvature * (there - gap).dot(self.normal);
-        -seen.max(ended).min(0.0)
+        let [gap, there] = [from, to].map(|x| self.gap(x).dot(self.normal));
+        let [[_, slope, curvature], [_, ended, _]] = [gap, there].map(|gap| barrier.at(gap));
+        let seen = slope + (curvature + self.soon) * (there - gap);
+        match self.soon > 0.0 {
+            true => -seen,
+            false => -seen.max(ended).min(0.0),
+        }
+    }
+
+    /// Whether the two do not push yet, but will once weight led the one to the other.
+    pub fn is_coming(&self) -> bool {
+        self.soon > 0.0
+    }
+
+    /// Whether the ways on which all other forces lead [m] part the two that do not push yet, by more than a little of
+    /// what weight leads.
+    pub fn is_parting(&self, ways: &[DVec3], fall: DVec3) -> bool {
+        let leave = self.gap(ways).dot(self.normal);
+        self.is_coming() && leave > PARTING * fall.dot(self.normal).abs()
+    }
+
+    /// The pair, or, if it is on its way apart, without what holds it.
+    fn unless(&self, is_parting: bool) -> Pair {
+        Pair {
+            soon: if is_parting { 0.0 } else { self.soon },
+            ..*self
+        }
     }
 
     fn gap(&self, x: &[DVec3]) -> DVec3 {
@@ -122,6 +157,9 @@ impl Pair {
     }
 }
 
+/// Who is led apart by more than this share of a fall is not about to meet.
+const PARTING: f64 = 0.1;
+
 /// How cloth meets cloth in a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rule<'a> {
@@ -140,18 +178,44 @@ pub(crate) struct Rule<'a> {
     pub fall: DVec3,
 }
 
-/// A smaller weight of a pair is rounding.
-const TINY: f64 = 1e-6;
+/// The pairs of a list that push at `x`, or soon will, with their friction.
+///
+/// What pushed a vertex when the last step ended is shared among all of its pairs, whether they touch where a solve
+/// begins or not: cloth that lies on cloth is above it in one step and pressed into it in the next.
+pub(crate) fn gripping(list: &[Near], x: &[DVec3], rule: &Rule<'_>) -> Vec<Pair> {
+    let found = ordered::map(list.len(), |k| Pair::at(&list[k], x, rule));
+    let pairs: Vec<Pair> = found.into_iter().flatten().collect();
+    let rates = rule.pushed.map(|pushed| {
+        let press = on_vertices(&pairs, x.len(), |p| pairs[p].press);
+        let shares = pushed.iter().zip(press);
+        let shares = shares.map(|(before, now)| if now > 0.0 { before / now } else { 0.0 });
+        shares.collect::<Vec<_>>()
+    });
+    ordered::map(pairs.len(), |k| pairs[k].rubbing(rates.as_deref(), rule))
+}
 
-/// How strongly cloth pushes every vertex after a Newton step [N]; see [`Pair::pushes`].
-pub(crate) fn pushes(pairs: &[Pair], ways: (&[DVec3], &[DVec3]), barrier: &Barrier) -> Vec<f64> {
-    let forces = ordered::map(pairs.len(), |p| pairs[p].pushes(ways, barrier));
-    let mut out = vec![0.0; ways.0.len()];
+/// The sum over the pairs of every vertex's part in the `force` of each, by its number [N].
+fn on_vertices(pairs: &[Pair], n: usize, force: impl Fn(usize) -> f64 + Sync + Send) -> Vec<f64> {
+    let forces = ordered::map(pairs.len(), force);
+    let mut out = vec![0.0; n];
     for (pair, force) in pairs.iter().zip(forces) {
         for (v, w) in pair.verts.iter().zip(&pair.weights) {
             out[*v as usize] += force * w.abs();
         }
     }
+    out
+}
+
+/// How strongly cloth pushes every vertex after a Newton step [N]; see [`Pair::pushes`].
+pub(crate) fn pushes(
+    (pairs, parting): (&[Pair], &[bool]),
+    ways: (&[DVec3], &[DVec3]),
+    barrier: &Barrier,
+) -> Vec<f64> {
+    let mut out = on_vertices(pairs, ways.0.len(), |p| {
+        pairs[p].unless(parting[p]).pushes(ways, barrier)
+    });
+    out.iter_mut().for_each(|f| *f = f.max(0.0));
     out
 }
 
@@ -162,14 +226,16 @@ pub(crate) fn energy(pairs: &[Pair], x: &[DVec3], barrier: &Barrier) -> f64 {
     })
 }
 
-/// Adds the gradients of all pairs and returns their stiffness.
+/// Adds the gradients of all pairs and returns their stiffness; who is `parting` is not held.
 pub(crate) fn add(
-    pairs: &[Pair],
+    (pairs, parting): (&[Pair], &[bool]),
     x: &[DVec3],
     barrier: &Barrier,
     gradient: &mut [DVec3],
 ) -> Vec<Link> {
-    let answers = ordered::map(pairs.len(), |p| pairs[p].answer(x, barrier));
+    let answers = ordered::map(pairs.len(), |p| {
+        pairs[p].unless(parting[p]).answer(x, barrier)
+    });
     for (pair, answer) in pairs.iter().zip(&answers) {
         for k in 0..4 {
             gradient[pair.verts[k] as usize] += answer.gradient * pair.weights[k];
@@ -230,11 +296,7 @@ mod tests {
     #[test]
     fn a_pair_grips_as_both_its_sides_rub_and_by_no_more_than_pushed_before() {
         let x = over(1e-3);
-        let grip = |pushed: Option<&[f64]>| {
-            Pair::at(&NEAR, &x, &rule(&x, pushed, 0.0))
-                .expect("it is near")
-                .grip
-        };
+        let grip = |pushed: Option<&[f64]>| gripping(&[NEAR], &x, &rule(&x, pushed, 0.0))[0].grip;
         let [_, slope, _] = rule(&x, None, 0.0).barrier.at(1e-3);
         assert!((grip(None) / (-0.4 * slope) - 1.0).abs() < 1e-9);
         // The triangle may have come from where nobody lay on it.
@@ -244,11 +306,35 @@ mod tests {
     }
 
     #[test]
+    fn what_pushed_is_shared_by_who_touches_and_who_is_about_to() {
+        // Two vertices on a triangle, the one pressed into it, the other above.
+        let mut x = over(1e-3).to_vec();
+        x.push(DVec3::new(0.001, 2.5e-3, 0.004));
+        let other = Near {
+            verts: [4, 1, 2, 3],
+            is_edges: false,
+        };
+        let pushed = [2e-4, 0.0, 0.0, 0.0, 1e-4];
+        let rule = Rule {
+            friction: &[0.3; 5],
+            ..rule(&x, Some(&pushed), 2.7e-3)
+        };
+        let pairs = gripping(&[NEAR, other], &x, &rule);
+        let grips = [pairs[0].grip, pairs[1].grip];
+        let most = |k: usize| 0.3 * pushed[[0, 4][k]];
+        assert!((grips[0] / most(0) - 1.0).abs() < 1e-9, "{grips:?}");
+        assert!((grips[1] / most(1) - 1.0).abs() < 1e-9, "{grips:?}");
+        // One vertex that two triangles hold rubs on both by no more than pushed it.
+        let twice = gripping(&[NEAR, NEAR], &x, &rule);
+        assert!(((twice[0].grip + twice[1].grip) / most(0) - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
     fn what_pushed_is_what_a_step_saw_unless_it_threw_the_two_apart() {
         let x = over(1e-3);
         let rule = rule(&x, None, 0.0);
         let pair = Pair::at(&NEAR, &x, &rule).expect("it is near");
-        let pushed = |height: f64| pushes(&[pair], (&x, &over(height)), &rule.barrier);
+        let pushed = |height: f64| pushes((&[pair], &[false]), (&x, &over(height)), &rule.barrier);
         let [_, slope, curvature] = rule.barrier.at(1e-3);
         let still = pushed(1e-3);
         assert!((still[0] / -slope - 1.0).abs() < 1e-9, "{still:?}");

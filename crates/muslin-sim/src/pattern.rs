@@ -1,5 +1,9 @@
 //! Who is coupled to whom: the places of the matrix, found once per cloth.
 
+use glam::DVec3;
+
+use crate::ordered;
+
 /// Lists of entries, one list per row.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Rows {
@@ -60,6 +64,20 @@ impl Rows {
             .binary_search(&item)
             .ok()
             .map(|k| span.start + k)
+    }
+
+    /// Each of these, led by `share` to the mean of those in its row.
+    pub fn smoother(&self, of: &[DVec3], share: f64) -> Vec<DVec3> {
+        ordered::map(of.len(), |i| {
+            let row = self.row(i);
+            let mean = row.iter().map(|&j| of[j as usize]).sum::<DVec3>() / row.len() as f64;
+            of[i].lerp(mean, share)
+        })
+    }
+
+    /// Each led all the way to that mean, so many times.
+    pub fn smoothed(&self, of: Vec<DVec3>, times: usize) -> Vec<DVec3> {
+        (0..times).fold(of, |of, _| self.smoother(&of, 1.0))
     }
 }
 

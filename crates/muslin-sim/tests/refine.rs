@@ -238,7 +238,10 @@ fn cloth_that_gets_caught_goes_on_from_there_and_not_from_a_guess() {
     assert!(caught[frame].body_intersections > 0, "nothing is caught");
     let [free, caught] = [free, caught].map(|frames| hem(&frames)[frame + 1]);
     assert!(free > 0.07, "{free} m");
-    assert!((caught - free).abs() < 0.1 * free, "{caught} m, {free} m");
+    assert!(
+        (0.7 * free..1.1 * free).contains(&caught),
+        "{caught} m, {free} m"
+    );
 }
 
 #[test]

@@ -3,7 +3,7 @@
 #[allow(dead_code, reason = "a part of the scenes is for other tests")]
 mod scenes;
 
-use std::ops::ControlFlow;
+use std::{f64::consts::PI, ops::ControlFlow};
 
 use glam::{DVec2, DVec3};
 use muslin_sim::{Air, CHECKPOINT, Cloth, Moment, Options, State, Walk, simulate};
@@ -171,15 +171,15 @@ fn slid(friction: f64, angle: f64) -> f64 {
         verts,
         ..State::default()
     };
-    speeds((&cloth, &state), (&slab, &faces), (&options, 0))[29]
+    velocities((&cloth, &state), (&slab, &faces), (&options, 0))[29].x
 }
 
-/// Speeds along X [m/s], in 30 frames of a sixtieth, of the cloth from vertex `first` on, on a body that stands still.
-fn speeds(
+/// Velocities [m/s], in 30 frames of a sixtieth, of the cloth from vertex `first` on, on a body that stands still.
+fn velocities(
     (cloth, state): (&Cloth, &State),
     (body, faces): (&[DVec3], &[[u32; 3]]),
     (options, first): (&Options, usize),
-) -> Vec<f64> {
+) -> Vec<DVec3> {
     let walk = Walk {
         faces,
         rest: body,
@@ -188,7 +188,7 @@ fn speeds(
         fps: 60.0,
         at: &|_| body.to_vec().into(),
     };
-    let mean = |x: &[DVec3]| x[first..].iter().map(|p| p.x).sum::<f64>() / (x.len() - first) as f64;
+    let mean = |x: &[DVec3]| x[first..].iter().sum::<DVec3>() / (x.len() - first) as f64;
     let mut at = vec![mean(&state.verts)];
     simulate(cloth, (&state.verts, Some(state)), (&walk, options), |m| {
         at.push(mean(m.verts));
@@ -265,9 +265,9 @@ fn skin_that_strikes_cloth_takes_it_along_by_no_more_than_friction_allows() {
     assert!((speed.x / law - 1.0).abs() < 0.1, "{speed}");
 }
 
-/// Speeds along the slope [m/s], frame after frame of a sixtieth, of a small sheet that begins with `speed` on a long
-/// one, which is held, where its weight leans by `angle`.
-fn slides_on_cloth(speed: f64, angle: f64) -> Vec<f64> {
+/// Velocities [m/s], frame after frame of a sixtieth, of a small sheet that begins with `speed` along a long one under
+/// it, which is held, where weight leans by `angle`.
+fn lies_on_cloth(speed: f64, angle: f64) -> Vec<DVec3> {
     let piece = |size: DVec2, [cols, rows]: [usize; 2], at: DVec3| {
         let (flat, faces) = grid(size, [cols, rows]);
         let placed: Vec<DVec3> = flat
@@ -306,19 +306,59 @@ fn slides_on_cloth(speed: f64, angle: f64) -> Vec<f64> {
         verts: start,
         ..State::default()
     };
-    speeds((&cloth, &state), (&ground, &faces), (&options, held))
+    velocities((&cloth, &state), (&ground, &faces), (&options, held))
+}
+
+/// Its speeds along the long one [m/s].
+fn slides_on_cloth(speed: f64, angle: f64) -> Vec<f64> {
+    let velocities = lies_on_cloth(speed, angle);
+    velocities.into_iter().map(|v| v.x).collect()
+}
+
+#[test]
+fn cloth_leaves_cloth_as_if_it_had_not_lain_there() {
+    let off: Vec<f64> = lies_on_cloth(0.0, PI).iter().map(|v| v.y).collect();
+    // Frames in which it is near the other sheet, and near the body under that, and all after.
+    for frames in [2..6, 6..12, 12..29] {
+        let law = 9.81 * frames.len() as f64 / 60.0;
+        let gained = off[frames.end] - off[frames.start];
+        assert!((gained / law - 1.0).abs() < 0.01, "{frames:?}: {off:?}");
+    }
+}
+
+#[test]
+fn cloth_leaves_skin_as_if_it_had_not_been_near() {
+    // Weight leads off the skin: cloth under an arm or a chin.
+    let (cloth, verts) = sheet(8, 5e-3);
+    let (slab, faces) = slab(0.0);
+    let options = Options {
+        gravity: DVec3::Y * 9.81,
+        air: Air::NONE,
+        ..Options::default()
+    };
+    let state = State {
+        frame: 1,
+        velocities: vec![DVec3::ZERO; verts.len()],
+        verts,
+        ..State::default()
+    };
+    let off = velocities((&cloth, &state), (&slab, &faces), (&options, 0));
+    for (k, v) in off.iter().enumerate() {
+        let law = 9.81 * (k + 1) as f64 / 60.0;
+        assert!((v.y / law - 1.0).abs() < 0.01, "{v} after {k} frames");
+    }
 }
 
 #[test]
 fn cloth_slides_on_cloth_and_friction_slows_it() {
-    // Coulomb's coefficient is 0.3: nobody is slowed more than that, and who slides is.
-    let law = 0.3 * 9.81 / 60.0;
+    // Coulomb's coefficient is 0.3. What pushed before the first frame is not known.
     let thrown = slides_on_cloth(1.0, 0.0);
-    for (k, speed) in thrown.iter().enumerate() {
-        let least = (1.0 - law * (k + 1) as f64).max(0.0) - 0.02;
-        assert!(*speed > least, "{speed} after {k} frames: it sticks");
-    }
-    assert!(thrown[9] < 0.93 && thrown[29] < 0.7, "{thrown:?}");
+    let slowed = (thrown[0] - thrown[12]) / 0.2;
+    assert!(
+        (slowed / (0.3 * 9.81) - 1.0).abs() < 0.15,
+        "{slowed}: {thrown:?}"
+    );
+    assert!(thrown[0] > 0.9 && thrown[28].abs() < 2e-3, "{thrown:?}");
     // Where it leans by less than 16.7 degrees it stays.
     for angle in [10.0f64, 15.0] {
         let speeds = slides_on_cloth(0.0, angle.to_radians());
@@ -327,5 +367,8 @@ fn cloth_slides_on_cloth_and_friction_slows_it() {
     let angle = 25f64.to_radians();
     let slides = slides_on_cloth(0.0, angle);
     let law = 9.81 * (angle.sin() - 0.3 * angle.cos()) * 0.5;
-    assert!((0.05..law).contains(&slides[29]), "{slides:?} for {law}");
+    assert!(
+        (0.5 * law..law).contains(&slides[29]),
+        "{slides:?} for {law}"
+    );
 }

@@ -12,7 +12,6 @@ use crate::{
     newton::{Descent, Problem},
     ordered,
     pairs::{self, Pair, Rule},
-    pattern::Rows,
     quality, slip,
     touch::Touch,
 };
@@ -82,11 +81,15 @@ struct Led {
     farthest: f64,
     /// Whether the energy fell as its matrix said, so that another has nothing to mend.
     as_promised: bool,
+    /// Which pairs were on their way apart.
+    parting: Vec<bool>,
 }
 
 /// What a step met of the body.
 struct Met {
     touches: Vec<Touch>,
+    /// Which vertices skin pushed in one of its Newton steps.
+    pushed: Vec<bool>,
     /// How strongly every vertex is pressed at its end [N], where cloth moves.
     pressed: Option<Press>,
 }
@@ -156,6 +159,7 @@ impl Stage<'_> {
         let mut from = self.x.clone();
         let mut led = self.correct((way, pace), (&first, &pairs), (energy, CLOSE))?;
         let mut pressed = self.pressure(&first, &from);
+        let mut pushed: Vec<bool> = pressed.iter().map(|p| *p > 0.0).collect();
         let mut last = f64::INFINITY;
         let mut again = None;
         for _ in 1..pace.rounds {
@@ -177,9 +181,12 @@ impl Stage<'_> {
             let tolerance = if far && !struck { CLOSE } else { LOOSE };
             led = self.correct((way, pace), (touches, &pairs), (None, tolerance))?;
             pressed = self.pressure(touches, &from);
+            let both = pushed.iter_mut().zip(&pressed);
+            both.for_each(|(pushed, now)| *pushed |= *now > 0.0);
         }
         let pressed = (!pace.smooth).then(|| {
-            let by_cloth = pairs::pushes(&pairs, (&from, &self.x), &self.barrier());
+            let met = (&pairs[..], &led.parting[..]);
+            let by_cloth = pairs::pushes(met, (&from, &self.x), &self.barrier());
             self.slip(again.as_ref().unwrap_or(&first));
             Press {
                 by_skin: pressed,
@@ -188,6 +195,7 @@ impl Stage<'_> {
         });
         Some(Met {
             touches: first,
+            pushed,
             pressed,
         })
     }
@@ -250,7 +258,11 @@ impl Stage<'_> {
         met: (&[Touch], &[Pair]),
         known: (Option<f64>, f64),
     ) -> Option<Led> {
-        let Descent { moves, fell } = self.solve(on, met, known)?;
+        let Descent {
+            moves,
+            fell,
+            parting,
+        } = self.solve(on, met, known)?;
         let mut lengths: Vec<f64> = moves.iter().map(|m| m.length()).collect();
         let [most, farthest] = [0.98, 1.0].map(|share| quality::percentile(&mut lengths, share));
         self.go(moves);
@@ -258,6 +270,7 @@ impl Stage<'_> {
             most,
             farthest,
             as_promised: fell.is_some_and(|share| (share - 1.0).abs() < PROMISED),
+            parting,
         })
     }
 
@@ -271,12 +284,14 @@ impl Stage<'_> {
         let old = std::mem::take(&mut self.v);
         let near = &self.weave.pattern.near;
         self.v = if pace.smooth {
-            smoothed(raw, near, SMOOTHINGS)
+            near.smoothed(raw, SMOOTHINGS)
         } else {
-            smoother(&raw, near, (h / RUB).min(1.0))
+            near.smoother(&raw, (h / RUB).min(1.0))
         };
         if !pace.smooth {
-            for touch in met.touches.iter().filter(|t| t.face.is_none()) {
+            // Who is not pushed goes where he is drawn to, however near the skin.
+            let vertices = met.touches.iter().filter(|t| t.face.is_none());
+            for touch in vertices.filter(|t| met.pushed[t.verts[0] as usize]) {
                 let i = touch.verts[0] as usize;
                 self.v[i] = touch.without_bounce((old[i], self.v[i]), (self.before[i], h));
             }
@@ -308,7 +323,7 @@ impl Stage<'_> {
         }
         // A few neighbours that drift apart cost more than all that is won elsewhere.
         let near = &self.weave.pattern.near;
-        let alike = smoothed(way.drift(), near, ALIKE);
+        let alike = near.smoothed(way.drift(), ALIKE);
         self.x.clone_from(&way.from);
         self.go(alike);
         let pairs = self.pairs((way, pace));
@@ -434,7 +449,7 @@ impl Stage<'_> {
         let barrier = self.barrier();
         let cloth = (self.weave, &self.tangled[..]);
         self.near.look(cloth, &self.x, barrier.radius);
-        let (list, x, h) = (&self.near.list, &self.x, way.scheme.tau);
+        let (x, h) = (&self.x, way.scheme.tau);
         // Cloth that comes to rest has no time in which it slid or fell.
         let (from, fall) = match pace.smooth {
             true => (x, DVec3::ZERO),
@@ -449,8 +464,7 @@ impl Stage<'_> {
             pushed: self.pressed.as_ref().map(|p| &p.by_cloth[..]),
             fall,
         };
-        let found = ordered::map(list.len(), |k| Pair::at(&list[k], x, &rule));
-        found.into_iter().flatten().collect()
+        pairs::gripping(&self.near.list, x, &rule)
     }
 }
 
@@ -503,25 +517,10 @@ const SAMPLES: [[f64; 3]; 4] = [
     [0.5, 0.0, 0.5],
 ];
 
-/// Each velocity, led by `share` to the mean of its own and its neighbours'.
-///
-/// Stands for the air and the rubbing yarns, which calm a ripple far sooner than a swing; and it
-/// takes out what one Newton step leaves unsolved between neighbours.
-fn smoother(v: &[DVec3], near: &Rows, share: f64) -> Vec<DVec3> {
-    ordered::map(v.len(), |i| {
-        let row = near.row(i);
-        let mean = row.iter().map(|&j| v[j as usize]).sum::<DVec3>() / row.len() as f64;
-        v[i].lerp(mean, share)
-    })
-}
-
-/// Each led all the way to that mean, so many times.
-fn smoothed(v: Vec<DVec3>, near: &Rows, times: usize) -> Vec<DVec3> {
-    (0..times).fold(v, |v, _| smoother(&v, near, 1.0))
-}
-
+/// How often velocities of cloth that is to come to rest are led to the mean of their neighbours'.
 const SMOOTHINGS: usize = 3;
 /// As often for cloth that drifts as its neighbours do.
 const ALIKE: usize = 10;
-/// Time in which yarns that rub calm a ripple of the size of the mesh [s].
+/// Time in which a ripple of the size of the mesh calms [s]: stands for the air and the rubbing yarns, which calm it far
+/// sooner than a swing, and takes out what one Newton step leaves unsolved between neighbours.
 const RUB: f64 = 0.015;
