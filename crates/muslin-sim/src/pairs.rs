@@ -66,7 +66,7 @@ impl Pair {
         let rate = match rates {
             Some(rates) => self.known(rates),
             // Who is only about to meet has not pushed yet.
-            None => f64::from(self.soon == 0.0),
+            None => f64::from(!self.is_coming()),
         };
         let stuck = self.gap(rule.from);
         Pair {
@@ -99,12 +99,13 @@ impl Pair {
     }
 
     /// How strongly the two push after a Newton step from `from` to `to` [m]: as the step saw it, and where it ended. A
-    /// blow that threw them apart holds nobody [N].
+    /// blow that threw them apart holds nobody. What holds up who is coming may have pulled, too; that is less than
+    /// nothing [N].
     fn pushes(&self, (from, to): (&[DVec3], &[DVec3]), barrier: &Barrier) -> f64 {
         let [gap, there] = [from, to].map(|x| self.gap(x).dot(self.normal));
         let [[_, slope, curvature], [_, ended, _]] = [gap, there].map(|gap| barrier.at(gap));
         let seen = slope + (curvature + self.soon) * (there - gap);
-        match self.soon > 0.0 {
+        match self.is_coming() {
             true => -seen,
             false => -seen.max(ended).min(0.0),
         }

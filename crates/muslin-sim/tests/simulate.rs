@@ -165,13 +165,16 @@ fn slid(friction: f64, angle: f64) -> f64 {
         gravity: DVec3::new(angle.sin(), -angle.cos(), 0.0) * 9.81,
         ..Options::default()
     };
-    let state = State {
+    velocities((&cloth, &at_rest(verts)), (&slab, &faces), (&options, 0))[29].x
+}
+
+fn at_rest(verts: Vec<DVec3>) -> State {
+    State {
         frame: 1,
         velocities: vec![DVec3::ZERO; verts.len()],
         verts,
         ..State::default()
-    };
-    velocities((&cloth, &state), (&slab, &faces), (&options, 0))[29].x
+    }
 }
 
 /// Velocities [m/s], in 30 frames of a sixtieth, of the cloth from vertex `first` on, on a body that stands still.
@@ -336,13 +339,7 @@ fn cloth_leaves_skin_as_if_it_had_not_been_near() {
         air: Air::NONE,
         ..Options::default()
     };
-    let state = State {
-        frame: 1,
-        velocities: vec![DVec3::ZERO; verts.len()],
-        verts,
-        ..State::default()
-    };
-    let off = velocities((&cloth, &state), (&slab, &faces), (&options, 0));
+    let off = velocities((&cloth, &at_rest(verts)), (&slab, &faces), (&options, 0));
     for (k, v) in off.iter().enumerate() {
         let law = 9.81 * (k + 1) as f64 / 60.0;
         assert!((v.y / law - 1.0).abs() < 0.01, "{v} after {k} frames");
