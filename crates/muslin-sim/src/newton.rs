@@ -66,8 +66,8 @@ impl Problem<'_> {
             + self.drag.map_or(0.0, |d| d.at(i, x[i]).energy)
     }
 
-    /// The gradient [N] and the matrix at `x`, and which pairs are on their way apart.
-    fn assemble(&self, x: &[DVec3]) -> (Vec<DVec3>, Matrix<'_>, Vec<bool>) {
+    /// The gradient [N] and the matrix at `x`, and the pairs as they are held there.
+    fn assemble(&self, x: &[DVec3]) -> (Vec<DVec3>, Matrix<'_>, Vec<Pair>) {
         let w = self.weave;
         let answers = elastic::answers(w, x);
         let mut gradient = ordered::map(x.len(), |i| self.own_gradient(&answers, x, i));
@@ -85,17 +85,17 @@ impl Problem<'_> {
                 add(w.pattern.places[f as usize][a][b], h);
             }
         });
-        let parting = self.parting(&gradient);
-        let links = pairs::add((self.pairs, &parting), x, &self.barrier, &mut gradient);
+        let held = self.held(&gradient);
+        let links = pairs::add(&held, x, &self.barrier, &mut gradient);
         let matrix = Matrix::new(&w.pattern, &w.bending, blocks, links);
-        (gradient, matrix, parting)
+        (gradient, matrix, held)
     }
 
-    /// Which pairs are on their way apart: those that do not push yet, where all other forces [N] lead patches of cloth
-    /// away from each other.
-    fn parting(&self, gradient: &[DVec3]) -> Vec<bool> {
+    /// The pairs, of which those that do not push yet are let go where all other forces [N] lead patches of cloth away
+    /// from each other.
+    fn held(&self, gradient: &[DVec3]) -> Vec<Pair> {
         if !self.pairs.iter().any(Pair::is_coming) {
-            return vec![false; self.pairs.len()];
+            return self.pairs.to_vec();
         }
         let time = self.step * self.step;
         let mut give: Vec<f64> = self.weave.mass.iter().map(|m| time / m).collect();
@@ -106,7 +106,9 @@ impl Problem<'_> {
         let ways = ordered::map(gradient.len(), |i| gradient[i] * -give[i]);
         let ways = self.weave.pattern.near.smoothed(ways, PATCHES);
         let fall = self.gravity * time;
-        ordered::map(self.pairs.len(), |k| self.pairs[k].is_parting(&ways, fall))
+        ordered::map(self.pairs.len(), |k| {
+            self.pairs[k].unless_parted(&ways, fall)
+        })
     }
 
     /// The matrix at `x` without inertia, as [`Matrix::rows`] gives it.
@@ -163,7 +165,7 @@ impl Problem<'_> {
         effort: &Effort<'_>,
         kept: &mut Option<Factor>,
     ) -> Option<Descent> {
-        let (gradient, matrix, parting) = self.assemble(x);
+        let (gradient, matrix, pairs) = self.assemble(x);
         let down: Vec<DVec3> = gradient.iter().map(|g| -*g).collect();
         let (mut moves, _) = matrix.solve(&down, effort, kept);
         let first = energy.unwrap_or_else(|| self.energy(x));
@@ -176,11 +178,7 @@ impl Problem<'_> {
             // A rise within rounding of the sum is no rise.
             if energy <= first + 1e-12 * first.abs() {
                 let fell = (halved == 0).then(|| 2.0 * (first - energy) / work);
-                return Some(Descent {
-                    moves,
-                    fell,
-                    parting,
-                });
+                return Some(Descent { moves, fell, pairs });
             }
             moves.iter_mut().for_each(|m| *m *= 0.5);
         }
@@ -188,7 +186,7 @@ impl Problem<'_> {
         is_finite.then_some(Descent {
             moves,
             fell: None,
-            parting,
+            pairs,
         })
     }
 }
@@ -200,8 +198,8 @@ pub(crate) struct Descent {
     /// By how much the energy fell, as a share of what its gradient and matrix promised; none where the step had to
     /// be made shorter.
     pub fell: Option<f64>,
-    /// Which pairs were on their way apart.
-    pub parting: Vec<bool>,
+    /// The pairs as they were held.
+    pub pairs: Vec<Pair>,
 }
 
 /// Forces are looked at as patches of cloth feel them, spread to neighbours so many times: within a patch cloth pulls

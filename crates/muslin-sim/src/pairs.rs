@@ -116,17 +116,12 @@ impl Pair {
         self.soon > 0.0
     }
 
-    /// Whether the ways on which all other forces lead [m] part the two that do not push yet, by more than a little of
-    /// what weight leads.
-    pub fn is_parting(&self, ways: &[DVec3], fall: DVec3) -> bool {
-        let leave = self.gap(ways).dot(self.normal);
-        self.is_coming() && leave > PARTING * fall.dot(self.normal).abs()
-    }
-
-    /// The pair, or, if it is on its way apart, without what holds it.
-    fn unless(&self, is_parting: bool) -> Pair {
+    /// The pair, or, if the two do not push yet and the ways on which all other forces lead [m] part them by more than a
+    /// little of what weight leads, without what holds it.
+    pub fn unless_parted(&self, ways: &[DVec3], fall: DVec3) -> Pair {
+        let parted = self.gap(ways).dot(self.normal) > PARTING * fall.dot(self.normal).abs();
         Pair {
-            soon: if is_parting { 0.0 } else { self.soon },
+            soon: if parted { 0.0 } else { self.soon },
             ..*self
         }
     }
@@ -208,14 +203,8 @@ fn on_vertices(pairs: &[Pair], n: usize, force: impl Fn(usize) -> f64 + Sync + S
 }
 
 /// How strongly cloth pushes every vertex after a Newton step [N]; see [`Pair::pushes`].
-pub(crate) fn pushes(
-    (pairs, parting): (&[Pair], &[bool]),
-    ways: (&[DVec3], &[DVec3]),
-    barrier: &Barrier,
-) -> Vec<f64> {
-    let mut out = on_vertices(pairs, ways.0.len(), |p| {
-        pairs[p].unless(parting[p]).pushes(ways, barrier)
-    });
+pub(crate) fn pushes(pairs: &[Pair], ways: (&[DVec3], &[DVec3]), barrier: &Barrier) -> Vec<f64> {
+    let mut out = on_vertices(pairs, ways.0.len(), |p| pairs[p].pushes(ways, barrier));
     out.iter_mut().for_each(|f| *f = f.max(0.0));
     out
 }
@@ -227,16 +216,14 @@ pub(crate) fn energy(pairs: &[Pair], x: &[DVec3], barrier: &Barrier) -> f64 {
     })
 }
 
-/// Adds the gradients of all pairs and returns their stiffness; who is `parting` is not held.
+/// Adds the gradients of all pairs and returns their stiffness.
 pub(crate) fn add(
-    (pairs, parting): (&[Pair], &[bool]),
+    pairs: &[Pair],
     x: &[DVec3],
     barrier: &Barrier,
     gradient: &mut [DVec3],
 ) -> Vec<Link> {
-    let answers = ordered::map(pairs.len(), |p| {
-        pairs[p].unless(parting[p]).answer(x, barrier)
-    });
+    let answers = ordered::map(pairs.len(), |p| pairs[p].answer(x, barrier));
     for (pair, answer) in pairs.iter().zip(&answers) {
         for k in 0..4 {
             gradient[pair.verts[k] as usize] += answer.gradient * pair.weights[k];
@@ -335,7 +322,7 @@ mod tests {
         let x = over(1e-3);
         let rule = rule(&x, None, 0.0);
         let pair = Pair::at(&NEAR, &x, &rule).expect("it is near");
-        let pushed = |height: f64| pushes((&[pair], &[false]), (&x, &over(height)), &rule.barrier);
+        let pushed = |height: f64| pushes(&[pair], (&x, &over(height)), &rule.barrier);
         let [_, slope, curvature] = rule.barrier.at(1e-3);
         let still = pushed(1e-3);
         assert!((still[0] / -slope - 1.0).abs() < 1e-9, "{still:?}");

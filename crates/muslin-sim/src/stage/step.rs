@@ -81,8 +81,8 @@ struct Led {
     farthest: f64,
     /// Whether the energy fell as its matrix said, so that another has nothing to mend.
     as_promised: bool,
-    /// Which pairs were on their way apart.
-    parting: Vec<bool>,
+    /// The pairs as they were held.
+    pairs: Vec<Pair>,
 }
 
 /// What a step met of the body.
@@ -155,7 +155,7 @@ impl Stage<'_> {
     fn newton(&mut self, way: &Way, pace: &Pace) -> Option<Met> {
         let tau = way.scheme.tau;
         let first = self.touches(tau);
-        let (mut pairs, energy) = self.start((way, pace), &first);
+        let (pairs, energy) = self.start((way, pace), &first);
         let mut from = self.x.clone();
         let mut led = self.correct((way, pace), (&first, &pairs), (energy, CLOSE))?;
         let mut pressed = self.pressure(&first, &from);
@@ -175,7 +175,7 @@ impl Stage<'_> {
             if pace.smooth || led.farthest > TURNED {
                 again = Some(self.touches(tau));
             }
-            pairs = self.pairs((way, pace));
+            let pairs = self.pairs((way, pace));
             let touches = again.as_ref().unwrap_or(&first);
             from.clone_from(&self.x);
             let tolerance = if far && !struck { CLOSE } else { LOOSE };
@@ -185,8 +185,7 @@ impl Stage<'_> {
             both.for_each(|(pushed, now)| *pushed |= *now > 0.0);
         }
         let pressed = (!pace.smooth).then(|| {
-            let met = (&pairs[..], &led.parting[..]);
-            let by_cloth = pairs::pushes(met, (&from, &self.x), &self.barrier());
+            let by_cloth = pairs::pushes(&led.pairs, (&from, &self.x), &self.barrier());
             self.slip(again.as_ref().unwrap_or(&first));
             Press {
                 by_skin: pressed,
@@ -258,11 +257,7 @@ impl Stage<'_> {
         met: (&[Touch], &[Pair]),
         known: (Option<f64>, f64),
     ) -> Option<Led> {
-        let Descent {
-            moves,
-            fell,
-            parting,
-        } = self.solve(on, met, known)?;
+        let Descent { moves, fell, pairs } = self.solve(on, met, known)?;
         let mut lengths: Vec<f64> = moves.iter().map(|m| m.length()).collect();
         let [most, farthest] = [0.98, 1.0].map(|share| quality::percentile(&mut lengths, share));
         self.go(moves);
@@ -270,7 +265,7 @@ impl Stage<'_> {
             most,
             farthest,
             as_promised: fell.is_some_and(|share| (share - 1.0).abs() < PROMISED),
-            parting,
+            pairs,
         })
     }
 
