@@ -10,7 +10,16 @@ pub fn run() -> Outcome {
     cargo(&["fmt", "--all", "--check"], &[])?;
     lint(&["--workspace"])?;
     // What a device needs, which the default build leaves out.
-    lint(&["--package", "muslin-model", "--features", "cuda"])?;
+    lint(&[
+        "--package",
+        "muslin-cli",
+        "--package",
+        "muslin-train",
+        "--package",
+        "muslin-model",
+        "--features",
+        "muslin-cli/cuda",
+    ])?;
     cargo(
         &["doc", "--workspace", "--no-deps", "--locked"],
         &[("RUSTDOCFLAGS", "-D warnings")],

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use muslin::bench::Trials;
 use muslin::{
-    AnimateOptions, Backdrop, Bake, Cut, DressOptions, Person, SimulateOptions, Size, System,
-    TrainOptions, Wear,
+    AnimateOptions, Backdrop, Bake, Cut, DressOptions, Person, Place, SimulateOptions, Size,
+    System, TrainOptions, Wear,
 };
 
 /// Dresses any body in moving cloth: from a photo to a 3D figure wearing draped garments.
@@ -324,6 +324,10 @@ pub struct Train {
     /// Where random numbers start.
     #[arg(long, default_value_t = TrainOptions::default().seed)]
     pub seed: u64,
+    /// Where the steps of our own training are taken: on a CUDA device if this program was built for one
+    /// (`--features cuda`) and there is one, else on the cores.
+    #[arg(long, value_enum, default_value_t = DeviceName::Auto)]
+    pub device: DeviceName,
     /// Go on with a training that was stopped.
     #[arg(long)]
     pub resume: bool,
@@ -429,6 +433,27 @@ pub enum SystemName {
     Snug,
     /// Neural Cloth Simulation (2022): still and moving codes, with a motion level.
     Ncs,
+}
+
+/// Names of [`Place`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum DeviceName {
+    /// A CUDA device if there is one that can, else the cores.
+    Auto,
+    /// The cores.
+    Cpu,
+    /// The first CUDA device, or not at all.
+    Cuda,
+}
+
+impl From<DeviceName> for Place {
+    fn from(name: DeviceName) -> Self {
+        match name {
+            DeviceName::Auto => Self::Any,
+            DeviceName::Cpu => Self::Cores,
+            DeviceName::Cuda => Self::Cuda,
+        }
+    }
 }
 
 /// The name of the embedded body.
@@ -646,6 +671,7 @@ impl Train {
             fairness: self.fairness,
             seed: self.seed,
             rate: self.rate,
+            device: self.device.into(),
             resume: self.resume,
         }
     }

@@ -5,14 +5,12 @@
 
 #![allow(unsafe_code)]
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use cudarc::driver::{
-    CudaContext, CudaFunction, CudaSlice, CudaStream, DeviceRepr, DriverError, LaunchConfig,
-    PushKernelArg,
+    CudaContext, CudaFunction, CudaModule, CudaSlice, CudaStream, DeviceRepr, LaunchConfig,
+    PinnedHostSlice, PushKernelArg,
 };
-use cudarc::nvrtc::{CompileOptions, Ptx, compile_ptx_with_opts};
 use glam::DAffine3;
 use muslin_body::{Avatar, Pose};
 use rayon::prelude::*;
@@ -20,6 +18,7 @@ use rayon::prelude::*;
 use crate::Model;
 use crate::crowd::{CrowdError, moments};
 use crate::decode::Affine;
+use crate::device;
 use crate::player::STEP;
 use crate::reading::Reading;
 use crate::tables::{Layout, Tables};
@@ -32,17 +31,13 @@ const FRAMES: [u32; 5] = [16, 8, 4, 2, 1];
 const SHARED: u32 = 48 << 10;
 /// Frames that one thread of a layer reads.
 const LAYER: u32 = 8;
+/// Frames whose normals one thread gives.
+const TURNED: u32 = 4;
 
 const KERNELS: &str = include_str!("cuda/kernels.cu");
 
 // SAFETY: numbers of four bytes one after the other, as its twin in the kernels has them.
 unsafe impl DeviceRepr for Layout {}
-
-impl From<DriverError> for CrowdError {
-    fn from(e: DriverError) -> Self {
-        Self::Failed(format!("{e:?}"))
-    }
-}
 
 /// A crowd and all that it needs on the device.
 #[derive(Debug)]
@@ -59,10 +54,8 @@ pub(crate) struct OnDevice {
     seen: CudaSlice<u32>,
     level: f32,
     wearers: usize,
-    /// What reads poses, and what it reads.
+    /// What reads poses.
     reading: Reading,
-    input: Vec<f32>,
-    affine: Vec<Affine>,
     /// What came of the last moments, and room for them.
     moments: usize,
     room: Option<Frames>,
@@ -81,6 +74,9 @@ struct Kernels {
 struct Frames {
     /// How many there is room for.
     count: usize,
+    /// What is read of poses, in memory that the device takes it from by itself.
+    told: PinnedHostSlice<f32>,
+    carried: PinnedHostSlice<f32>,
     input: CudaSlice<f32>,
     bones: CudaSlice<f32>,
     /// What layers give each other, in turns.
@@ -90,37 +86,9 @@ struct Frames {
     normals: CudaSlice<f32>,
 }
 
-/// Whether the driver and its compiler are here; why not.
-fn at_hand() -> Result<(), CrowdError> {
-    // SAFETY: looks for libraries by name, and calls nothing of them.
-    let here = unsafe {
-        [
-            cudarc::driver::sys::is_culib_present(),
-            cudarc::nvrtc::sys::is_culib_present(),
-        ]
-    };
-    match here {
-        [true, true] => Ok(()),
-        [false, _] => Err(CrowdError::NoDevice("no NVIDIA driver is installed".into())),
-        [_, false] => Err(CrowdError::NoDevice(
-            "the driver is here but not NVRTC, CUDA's compiler; install the CUDA toolkit's libnvrtc".into(),
-        )),
-    }
-}
-
 /// The kernels for this device, which drape so many frames a block.
-fn compiled(context: &CudaContext, lot: u32) -> Result<Ptx, CrowdError> {
-    let (major, minor) = context.compute_capability()?;
-    let options = CompileOptions {
-        options: vec![
-            format!("--gpu-architecture=compute_{major}{minor}"),
-            format!("-DFRAMES={lot}"),
-            format!("-DBLOCK={BLOCK}"),
-        ],
-        ..CompileOptions::default()
-    };
-    let failed = |e| CrowdError::NoDevice(format!("its compiler refuses our kernels: {e:?}"));
-    compile_ptx_with_opts(KERNELS, options).map_err(failed)
+fn compiled(context: &Arc<CudaContext>, lot: u32) -> Result<Arc<CudaModule>, CrowdError> {
+    device::compiled(context, KERNELS, &[("FRAMES", lot), ("BLOCK", BLOCK)])
 }
 
 /// Blocks of so many for `n`.
@@ -139,21 +107,14 @@ fn launch(x: u32, y: u32, shared: u32) -> LaunchConfig {
 impl OnDevice {
     pub fn new(model: &Model, avatar: &Avatar, wearers: usize) -> Result<Self, CrowdError> {
         let reading = Reading::new(model, avatar)?;
-        at_hand()?;
         let mut tables = Tables::new(model).map_err(CrowdError::NotThere)?;
         tables.begin(STEP);
-        // A driver that is too old for what is asked of it is found out by panics.
-        let opened = catch_unwind(AssertUnwindSafe(|| CudaContext::new(0)));
-        let context = match opened {
-            Ok(Ok(context)) => context,
-            Ok(Err(e)) => return Err(CrowdError::NoDevice(format!("{e:?}"))),
-            Err(_) => return Err(CrowdError::NoDevice("its driver is too old".into())),
-        };
+        let context = device::first()?;
         let lot = FRAMES
             .into_iter()
             .find(|f| shared(&tables.layout, *f) <= SHARED);
         let lot = lot.ok_or(CrowdError::NotThere("garments on so many bones"))?;
-        let module = context.load_module(compiled(&context, lot)?)?;
+        let module = compiled(&context, lot)?;
         let kernel = |name| module.load_function(name);
         let stream = context.default_stream();
         let n_state = wearers * tables.layout.n_state as usize;
@@ -173,8 +134,6 @@ impl OnDevice {
             level: 1.0,
             wearers,
             reading,
-            input: Vec::new(),
-            affine: Vec::new(),
             moments: 0,
             room: None,
             tables,
@@ -206,7 +165,6 @@ impl OnDevice {
 
     pub fn play(&mut self, poses: &[(&Pose, &[DAffine3])]) -> Result<(), CrowdError> {
         let n = moments(poses.len(), self.wearers);
-        self.read_poses(poses);
         if self.room.as_ref().is_none_or(|r| r.count < poses.len()) {
             // Never both at once.
             self.room = None;
@@ -214,6 +172,7 @@ impl OnDevice {
         }
         self.moments = n;
         if !poses.is_empty() {
+            self.read_poses(poses)?;
             self.drape(poses.len())?;
         }
         self.stream.synchronize()?;
@@ -221,15 +180,17 @@ impl OnDevice {
     }
 
     /// What the network is told of every pose, and the bones.
-    fn read_poses(&mut self, poses: &[(&Pose, &[DAffine3])]) {
+    fn read_poses(&mut self, poses: &[(&Pose, &[DAffine3])]) -> Result<(), CrowdError> {
         let (n, m) = (self.reading.n_inputs(), self.reading.n_bones());
-        self.input.resize(poses.len() * n, 0.0);
-        self.affine.resize(poses.len() * m, [0.0; 12]);
+        let room = self.room.as_mut().expect("there is room");
+        let input = &mut room.told.as_mut_slice()?[..poses.len() * n];
+        let affine = &mut room.carried.as_mut_slice()?[..12 * poses.len() * m];
+        let affine: &mut [Affine] = affine.as_chunks_mut().0;
         // What is played here remembers nothing of the poses before.
         let part = poses.len().div_ceil(rayon::current_num_threads()).max(1);
         let reading = &self.reading;
-        let room = (self.input.par_chunks_mut((part * n).max(1)))
-            .zip(self.affine.par_chunks_mut((part * m).max(1)));
+        let room =
+            (input.par_chunks_mut((part * n).max(1))).zip(affine.par_chunks_mut((part * m).max(1)));
         poses
             .par_chunks(part)
             .zip(room)
@@ -240,6 +201,7 @@ impl OnDevice {
                     reading.read(*pose, input, own);
                 }
             });
+        Ok(())
     }
 
     /// Room for so many frames.
@@ -253,8 +215,19 @@ impl OnDevice {
             .iter()
             .max()
             .map_or(1, |w| *w as usize);
+        let pinned = |each: usize| -> Result<PinnedHostSlice<f32>, CrowdError> {
+            // SAFETY: nobody reads it before it is filled, here. Zero flags: it is read as well as written.
+            let mut room = unsafe {
+                let context = self.stream.context();
+                context.alloc_pinned_with_flags((n * each).max(1), 0)
+            }?;
+            room.as_mut_slice()?.fill(0.0);
+            Ok(room)
+        };
         Ok(Frames {
             count: n,
+            told: pinned(self.reading.n_inputs())?,
+            carried: pinned(12 * l.n_bones as usize)?,
             input: room(self.reading.n_inputs())?,
             bones: room(12 * l.n_bones as usize)?,
             between: [room(widest)?, room(widest)?],
@@ -267,10 +240,14 @@ impl OnDevice {
     fn drape(&mut self, n: usize) -> Result<(), CrowdError> {
         let room = self.room.as_mut().expect("there is room");
         let (stream, l, frames) = (&self.stream, &self.tables.layout, n as u32);
-        let mut input = room.input.slice_mut(..self.input.len());
-        stream.memcpy_htod(&self.input, &mut input)?;
-        let mut bones = room.bones.slice_mut(..12 * self.affine.len());
-        stream.memcpy_htod(self.affine.as_flattened(), &mut bones)?;
+        // Both go their way while kernels are told; nobody writes to them before the device has done all.
+        for (from, to, each) in [
+            (&room.told, &mut room.input, self.reading.n_inputs()),
+            (&room.carried, &mut room.bones, 12 * l.n_bones as usize),
+        ] {
+            let mut to = to.slice_mut(..n * each);
+            stream.memcpy_htod(&from.as_slice()?[..n * each], &mut to)?;
+        }
 
         let net = &self.tables.network;
         let (n_layers, mut at) = (net.widths.len() - 1, 0);
@@ -325,9 +302,10 @@ impl OnDevice {
         job.arg(l)
             .arg(&self.numbers)
             .arg(&room.x)
-            .arg(&mut room.normals);
+            .arg(&mut room.normals)
+            .arg(&frames);
         // SAFETY: as above.
-        unsafe { job.launch(launch(frames, verts, 0)) }?;
+        unsafe { job.launch(launch(blocks(n, TURNED), verts, 0)) }?;
         Ok(())
     }
 

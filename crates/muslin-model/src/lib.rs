@@ -15,6 +15,8 @@ mod crowd;
 mod cuda;
 mod decode;
 mod describe;
+#[cfg(feature = "cuda")]
+pub mod device;
 mod encoder;
 mod error;
 mod fans;

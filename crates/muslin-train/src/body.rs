@@ -103,6 +103,14 @@ impl<'a> Skinned<'a> {
         }
     }
 
+    /// Triangles of the skin around the cloth, those around each of its vertices (where they start, and they), and which
+    /// lie at the rim.
+    #[cfg(any(test, feature = "cuda"))]
+    pub fn skin_faces(&self) -> (&[[u32; 3]], [&[u32]; 2], &[bool]) {
+        let (starts, around) = &self.around;
+        (self.flesh.rest().faces(), [starts, around], &self.rim)
+    }
+
     /// Whether there is such a triangle around the cloth, or it stands for none.
     pub fn has(&self, face: u32) -> bool {
         face == NO_FACE || (face as usize) < self.flesh.rest().faces().len()

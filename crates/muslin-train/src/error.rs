@@ -1,6 +1,6 @@
 //! Why a training cannot go on.
 
-use muslin_model::ModelError;
+use muslin_model::{CrowdError, ModelError};
 use muslin_sim::SimError;
 
 /// Why a training cannot start or go on.
@@ -33,10 +33,19 @@ pub enum TrainError {
         /// The first vertex.
         vertex: usize,
     },
+    /// There is no device that can, or it failed.
+    #[error("{0}; --device cpu trains on the cores")]
+    Device(String),
     /// A model that this training cannot begin with.
     #[error("the model to begin with is of another kind: its {0} differs")]
     OtherModel(&'static str),
     /// What was kept belongs to another training.
     #[error("what is kept is of another training: its {0} differs; start again without --resume")]
     OtherTraining(&'static str),
+}
+
+impl From<CrowdError> for TrainError {
+    fn from(e: CrowdError) -> Self {
+        Self::Device(e.to_string())
+    }
 }

@@ -220,6 +220,93 @@ impl Factor {
     }
 }
 
+/// The half of a solve that a device does at once: what each vertex waits for, and levels of those that wait for none of
+/// their own.
+#[cfg(any(test, feature = "cuda"))]
+#[derive(Clone, Debug, Default)]
+pub struct Sweep {
+    /// Where each level's members start, and they.
+    pub levels: Vec<u32>,
+    pub members: Vec<u32>,
+    /// Where what each vertex waits for starts, and it, with its block by rows.
+    pub starts: Vec<u32>,
+    pub others: Vec<u32>,
+    pub blocks: Vec<f32>,
+    /// What is left is multiplied with, by rows.
+    pub diagonal: Vec<f32>,
+}
+
+#[cfg(any(test, feature = "cuda"))]
+impl Sweep {
+    /// Of rows of other vertices and blocks, told in an order in which no vertex waits for a later one.
+    fn new(rows: &[Vec<(u32, [f32; 9])>], told: impl Iterator<Item = usize>) -> Self {
+        let mut level = vec![0usize; rows.len()];
+        let mut members: Vec<Vec<u32>> = Vec::new();
+        for v in told {
+            let waits = rows[v].iter().map(|e| level[e.0 as usize] + 1);
+            level[v] = waits.max().unwrap_or(0);
+            if members.len() == level[v] {
+                members.push(Vec::new());
+            }
+            members[level[v]].push(v as u32);
+        }
+        let starts = |sizes: &mut dyn Iterator<Item = usize>| -> Vec<u32> {
+            let mut end = 0;
+            let ends = sizes.map(|n| {
+                end += n as u32;
+                end
+            });
+            std::iter::once(0).chain(ends).collect()
+        };
+        Self {
+            levels: starts(&mut members.iter().map(Vec::len)),
+            members: members.concat(),
+            starts: starts(&mut rows.iter().map(Vec::len)),
+            others: rows.iter().flatten().map(|e| e.0).collect(),
+            blocks: rows.iter().flatten().flat_map(|e| e.1).collect(),
+            diagonal: Vec::new(),
+        }
+    }
+}
+
+#[cfg(any(test, feature = "cuda"))]
+impl Factor {
+    /// Vertices in the order of elimination.
+    pub fn order(&self) -> &[u32] {
+        &self.pattern.order
+    }
+
+    /// Where in it each vertex is.
+    pub fn places(&self) -> &[u32] {
+        &self.pattern.place
+    }
+
+    /// Both halves of a solve: down, then up.
+    pub fn sweeps(&self) -> [Sweep; 2] {
+        let n = self.pattern.order.len();
+        let turned = |m: &[f32; 9]| std::array::from_fn(|i| m[3 * (i % 3) + i / 3]);
+        let [mut down, mut up] = [(); 2].map(|()| vec![Vec::new(); n]);
+        for (j, up) in up.iter_mut().enumerate() {
+            for q in self.pattern.span(j) {
+                let i = self.pattern.rows[q];
+                down[i as usize].push((j as u32, self.blocks[q]));
+                up.push((i, turned(&self.blocks[q])));
+            }
+        }
+        let flat = |m: &mut dyn Iterator<Item = [f32; 9]>| m.flatten().collect();
+        [
+            Sweep {
+                diagonal: flat(&mut self.diagonal.iter().copied()),
+                ..Sweep::new(&down, 0..n)
+            },
+            Sweep {
+                diagonal: flat(&mut self.diagonal.iter().map(turned)),
+                ..Sweep::new(&up, (0..n).rev())
+            },
+        ]
+    }
+}
+
 fn chain(head: &mut [u32], next: &mut [u32], (row, column): (u32, u32)) {
     next[column as usize] = head[row as usize];
     head[row as usize] = column;

@@ -14,6 +14,8 @@
 mod around;
 mod begin;
 mod body;
+#[cfg(any(test, feature = "cuda"))]
+mod cuda;
 mod cut;
 mod elastic;
 mod error;
@@ -24,6 +26,7 @@ mod lanes;
 mod laws;
 mod lesson;
 mod pack;
+mod place;
 mod pool;
 mod prepare;
 pub mod published;
@@ -41,6 +44,7 @@ mod work;
 
 pub use error::TrainError;
 pub use lesson::{Lesson, Plan};
+pub use place::{Place, placed};
 pub use pool::{mixed, sampled, thinned};
 pub use sway::{hold_back, sway};
 pub use trainer::{Energies, Told, Trainer};

@@ -12,7 +12,7 @@ use crate::TrainError;
 use crate::begin;
 use crate::elastic::Elastic;
 use crate::factor::Factor;
-use crate::lanes::LANES;
+use crate::lanes::{LANES, Row};
 use crate::lesson::{Lesson, Plan};
 use crate::pack::Pack;
 use crate::pool::thinned;
@@ -234,7 +234,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// The packs of the next step; every pack comes once a round.
-    fn choose(&mut self) -> Vec<u32> {
+    pub(crate) fn choose(&mut self) -> Vec<u32> {
         let now = &mut self.now;
         let one = |_| {
             if now.queue.is_empty() {
@@ -251,17 +251,23 @@ impl<'a> Trainer<'a> {
 
     /// What a pack says of the network that is told its poses inexactly, by something else in every step.
     pub(crate) fn blurred(&self, pack: &mut Pack) -> Work {
-        let clear = pack.inputs.clone();
-        // The same in a training that was stopped and went on.
-        let place = (self.now.step << 32) | u64::from(pack.poses[0]);
-        let mut noise = Noise::new(self.plan.seed.wrapping_mul(NEXT_SEED) ^ place);
-        let told = &mut pack.inputs[..self.reader.n_inputs()];
-        for x in told.as_flattened_mut() {
-            *x += self.plan.blur * noise.normal() as f32;
-        }
+        let blurred = self.blur(pack);
+        let clear = std::mem::replace(&mut pack.inputs, blurred);
         let work = self.work(pack);
         pack.inputs = clear;
         work
+    }
+
+    /// What the network is told of a pack in this step.
+    pub(crate) fn blur(&self, pack: &Pack) -> Vec<Row> {
+        // The same in a training that was stopped and went on.
+        let place = (self.now.step << 32) | u64::from(pack.poses[0]);
+        let mut noise = Noise::new(self.plan.seed.wrapping_mul(NEXT_SEED) ^ place);
+        let mut told = pack.inputs.clone();
+        for x in told[..self.reader.n_inputs()].as_flattened_mut() {
+            *x += self.plan.blur * noise.normal() as f32;
+        }
+        told
     }
 
     fn told(&self, works: &[Work]) -> Told {

@@ -10,13 +10,13 @@ use crate::trainer::Trainer;
 use crate::work::Work;
 
 /// No vertex of a pose that is learnt from moves farther than this in a step of the shapes [m].
-const FARTHEST: f32 = 0.01;
+pub(crate) const FARTHEST: f32 = 0.01;
 /// Memory of the codes' moments and of the walls' stiffness.
 const MEMORY: f64 = 0.95;
 /// How many times its mean the stiffness of a wall is taken to be.
 const PRESSED: f32 = 3.0;
 /// Share of the codes' mean square that is added to all of them.
-const FLOOR: f64 = 3e-2;
+pub(crate) const FLOOR: f64 = 3e-2;
 /// Share of the skin's stiffness at the first step, and of the steps after which it has all.
 const SOFT_START: f32 = 0.2;
 const HARDENED: f32 = 0.4;
@@ -27,7 +27,7 @@ const FADE: f32 = 0.4;
 
 impl Trainer<'_> {
     /// Slower and slower at the end.
-    fn fading(&self) -> f32 {
+    pub(crate) fn fading(&self) -> f32 {
         let done = self.now.step as f32 / self.plan.steps.max(1) as f32;
         ((1.0 - done) / FADE).clamp(0.01, 1.0)
     }
@@ -91,7 +91,7 @@ impl Trainer<'_> {
     }
 
     /// Takes codes and walls into the running means, and factors anew where that is due.
-    fn remember(&mut self, moments: &[f32], walls: &[f32]) {
+    pub(crate) fn remember(&mut self, moments: &[f32], walls: &[f32]) {
         let now = &mut self.now;
         let keep = if now.moments[now.moments.len() - 1] == 0.0 {
             0.0
@@ -132,7 +132,7 @@ pub(crate) fn firm_at(plan: &Plan, has_begun: bool, step: u64) -> f64 {
 }
 
 /// Whether the stiffness is factored anew after so many steps.
-fn factors_at(step: u64) -> bool {
+pub(crate) fn factors_at(step: u64) -> bool {
     matches!(step, 1 | 5 | 20 | 60) || step.is_multiple_of(150)
 }
 
@@ -164,7 +164,7 @@ pub(crate) fn factored(elastic: &Elastic, walls: &[[f32; 6]], plan: &Plan) -> Fa
 }
 
 /// The inverse of the moments, with a floor of that share of their mean.
-fn inverse(moments: &[f64], k: usize, floor: f64) -> Vec<f32> {
+pub(crate) fn inverse(moments: &[f64], k: usize, floor: f64) -> Vec<f32> {
     let mean = (0..k).map(|i| moments[i * k + i]).sum::<f64>() / k as f64;
     let mut a = moments.to_vec();
     (0..k).for_each(|i| a[i * k + i] += floor * mean.max(1e-12));

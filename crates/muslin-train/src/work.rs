@@ -112,7 +112,7 @@ impl Trainer<'_> {
     /// between all parts, later between limbs alone: looked for everywhere in cloth that has become soft, its planes
     /// stand in folds, and trainings broke out. Planes that are not found again are forgotten, for they hold up cloth
     /// that has moved on.
-    fn look(&self, pack: &mut Pack, x: &[Row]) {
+    pub(crate) fn look(&self, pack: &mut Pack, x: &[Row]) {
         let Wearer { body, folds, .. } = &self.wearers[pack.wearer];
         if pack.skins.is_empty() {
             let pose = |p: &u32| body.skin(&self.pool[*p as usize]);
@@ -155,6 +155,15 @@ impl Trainer<'_> {
         out
     }
 
+    /// How skin pushes now.
+    pub(crate) fn wall(&self) -> Wall {
+        Wall {
+            radius: self.plan.gap as f32,
+            width: 1e-3,
+            stiffness: self.skin_stiffness(),
+        }
+    }
+
     /// Costs of the positions `x`, and their gradient in the rest frame.
     #[inline(always)]
     fn ask(&self, (pack, walls): Walled<'_>, (x, g): (&[Row], &mut [Row]), work: &mut Work) {
@@ -170,11 +179,7 @@ impl Trainer<'_> {
             Lane::all(0.0),
             Lane::all(0.0),
         ];
-        let wall = Wall {
-            radius: self.plan.gap as f32,
-            width: 1e-3,
-            stiffness: self.skin_stiffness(),
-        };
+        let wall = self.wall();
         let mut under = Lane::all(0.0);
         work.walls = vec![[0.0; 6]; n];
         let mut folds = pack.folds.iter().peekable();

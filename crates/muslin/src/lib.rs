@@ -40,6 +40,7 @@ pub use dress::{demo, dress, dress_pose};
 pub use evaluate::{Evaluation, evaluate, evaluate_file};
 pub use failure::{Exit, Failure};
 pub use muslin_garment::Cut;
+pub use muslin_train::Place;
 pub use muslin_train::published::System;
 pub use options::{Backdrop, DressOptions, Person, Wear};
 pub use outcome::Outcome;

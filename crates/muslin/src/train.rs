@@ -17,7 +17,7 @@ use muslin_geom::{Report, Value};
 use muslin_io::{Journal, report_json, write_file, write_weights};
 use muslin_model::Model;
 use muslin_train::published::{Published, System};
-use muslin_train::{Told, Trainer, Training};
+use muslin_train::{Told, Trainer, Training, placed};
 
 use crate::animate::read_model;
 use crate::dress::file_failure;
@@ -161,7 +161,7 @@ impl School<'_, '_> {
 
     /// What is going to learn.
     fn trainer<'l>(
-        &self,
+        &mut self,
         (avatar, class): (&'l Avatar, &'l Class),
         motions: Vec<Motion>,
     ) -> Result<Box<dyn Training + 'l>, Failure> {
@@ -173,7 +173,11 @@ impl School<'_, '_> {
                 Some(model) => Trainer::begun(lessons, plan, pool, model),
                 None => Trainer::new(lessons, plan, pool),
             };
-            return Ok(Box::new(trainer.map_err(|e| failure(&e))?));
+            let trainer = trainer.map_err(|e| failure(&e))?;
+            let (trainer, place) =
+                placed(trainer, self.options.device).map_err(|e| failure(&e).at("--device"))?;
+            self.report.set("device", place);
+            return Ok(trainer);
         };
         let trainer = Published::new(lessons, self.options.course(system), motions);
         Ok(Box::new(trainer.map_err(|e| failure(&e))?))

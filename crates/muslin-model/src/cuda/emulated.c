@@ -29,6 +29,12 @@ static pthread_barrier_t together;
 static float shared[1 << 16];
 #define SHARED(name) float *name = shared
 
+#define WARP 1
+#define warp_sum(x) (x)
+#define WHICH(yes) ((yes) ? 1u : 0u)
+#define FIRST(which) 0
+#define TOGETHER()
+
 #include "kernels.cu"
 
 // A kernel with what it is called with.
@@ -94,7 +100,7 @@ static void draped(void)
 }
 static void turned(void)
 {
-    turn(l, u, x, normals);
+    turn(l, u, x, normals, frames);
 }
 
 static unsigned lots(unsigned n, unsigned by)
@@ -134,7 +140,7 @@ int main(void)
     if (l.n_swings)
         launch(swings, told.wearers, 1);
     launch(draped, lots(frames, FRAMES), lots(l.n_verts, BLOCK));
-    launch(turned, frames, lots(l.n_verts, BLOCK));
+    launch(turned, lots(frames, TURNED), lots(l.n_verts, BLOCK));
     const size_t n = (size_t)frames * 3 * l.n_verts;
     return fwrite(x, 4, n, stdout) == n && fwrite(normals, 4, n, stdout) == n ? 0 : 4;
 }

@@ -10,7 +10,19 @@
 // is the longest.
 
 #ifdef __CUDACC__
-#define SHARED(name) extern __shared__ float name[]
+// Threads that go in step; elsewhere one is alone.
+#define WARP 32
+#define SHARED(name) extern __shared__ __align__(16) float name[]
+__device__ float warp_sum(float x)
+{
+    for (int by = WARP / 2; by > 0; by /= 2)
+        x += __shfl_xor_sync(0xffffffffu, x, by);
+    return x;
+}
+// Who of them says yes, a bit each; and the first of these.
+#define WHICH(yes) __ballot_sync(0xffffffffu, yes)
+#define FIRST(which) (__ffs(which) - 1)
+#define TOGETHER() __syncwarp()
 extern "C" {
 #endif
 
@@ -18,6 +30,8 @@ extern "C" {
 #define MOST 64
 // Rounds over walls, and over ties, in a step.
 #define ROUNDS 3
+// Frames whose normals a thread gives.
+#define TURNED 4
 
 typedef struct {
     // How many there are; `n_codes` are those of the pose, then the swings.
@@ -148,18 +162,22 @@ __device__ void hold_walls(const Layout *l, const float *f, const float *rooms, 
         __syncthreads();
         if (!any)
             return;
-        for (unsigned w = 0; w < l->n_walls; w++) {
-            if (all[w] <= rooms[w])
-                continue;
-            const float behind = -rooms[w] - dot(f + l->ways + (size_t)w * k, q, k);
-            if (behind > 0.0f) {
-                const float by = behind * f[l->gains + w];
-                __syncthreads();
-                for (unsigned i = threadIdx.x; i < k; i += blockDim.x)
-                    q[i] += by * f[l->pushes + (size_t)w * k + i];
-                __syncthreads();
+        // One after the other, by threads that need not wait for each other.
+        for (unsigned from = 0; threadIdx.x < WARP && from < l->n_walls; from += WARP) {
+            const unsigned own = from + threadIdx.x;
+            for (unsigned which = WHICH(own < l->n_walls && all[own] > rooms[own]); which; which &= which - 1) {
+                const unsigned w = from + FIRST(which);
+                const float gain = f[l->gains + w], room = rooms[w];
+                float along = 0.0f;
+                for (unsigned i = threadIdx.x; i < k; i += WARP)
+                    along += f[l->ways + (size_t)w * k + i] * q[i];
+                const float behind = -room - warp_sum(along);
+                if (behind > 0.0f)
+                    for (unsigned i = threadIdx.x; i < k; i += WARP)
+                        q[i] += behind * gain * f[l->pushes + (size_t)w * k + i];
             }
         }
+        __syncthreads();
     }
 }
 
@@ -209,45 +227,51 @@ __device__ int hold_ties(const Layout *l, const float *f, const unsigned *u, con
         __syncthreads();
         if (!any)
             return led;
-        int all_held = 1;
-        for (unsigned t = 0; t < l->n_ties; t++) {
-            if (far[t] == 0.0f)
-                continue;
-            const unsigned a = u[l->pairs + 2 * t], b = u[l->pairs + 2 * t + 1];
-            float d[3], long_ = 0.0f;
-            for (int j = 0; j < 3; j++) {
-                d[j] = at[3 * b + j] - at[3 * a + j];
-                long_ += d[j] * d[j];
-            }
-            long_ = sqrtf(long_);
-            const float *ma = here + 12 * a, *mb = here + 12 * b;
-            float da[3], db[3];
-            for (int j = 0; j < 3; j++) {
-                da[j] = (ma[3 * j] * d[0] + ma[3 * j + 1] * d[1] + ma[3 * j + 2] * d[2]) / long_;
-                db[j] = (mb[3 * j] * d[0] + mb[3 * j + 1] * d[1] + mb[3 * j + 2] * d[2]) / long_;
-            }
-            for (unsigned i = threadIdx.x; i < k; i += blockDim.x) {
-                float sum = 0.0f;
-                for (int j = 0; j < 3; j++)
-                    sum += db[j] * means[(size_t)(3 * b + j) * k + i] - da[j] * means[(size_t)(3 * a + j) * k + i];
-                row[i] = sum;
-            }
-            __syncthreads();
-            float beyond = far[t];
-            for (unsigned i = 0; i < k; i++)
-                beyond += row[i] * (q[i] - first[i]);
-            if (beyond > 0.0f) {
-                all_held = 0;
-                for (unsigned i = threadIdx.x; i < k; i += blockDim.x)
+        for (unsigned from = 0; threadIdx.x < WARP && from < l->n_ties; from += WARP) {
+            const unsigned own = from + threadIdx.x;
+            for (unsigned which = WHICH(own < l->n_ties && far[own] != 0.0f); which; which &= which - 1) {
+                const unsigned t = from + FIRST(which);
+                const unsigned a = u[l->pairs + 2 * t], b = u[l->pairs + 2 * t + 1];
+                float d[3], long_ = 0.0f;
+                for (int j = 0; j < 3; j++) {
+                    d[j] = at[3 * b + j] - at[3 * a + j];
+                    long_ += d[j] * d[j];
+                }
+                long_ = sqrtf(long_);
+                const float *ma = here + 12 * a, *mb = here + 12 * b;
+                float da[3], db[3];
+                for (int j = 0; j < 3; j++) {
+                    da[j] = (ma[3 * j] * d[0] + ma[3 * j + 1] * d[1] + ma[3 * j + 2] * d[2]) / long_;
+                    db[j] = (mb[3 * j] * d[0] + mb[3 * j + 1] * d[1] + mb[3 * j + 2] * d[2]) / long_;
+                }
+                float more = 0.0f;
+                for (unsigned i = threadIdx.x; i < k; i += WARP) {
+                    float sum = 0.0f;
+                    for (int j = 0; j < 3; j++)
+                        sum += db[j] * means[(size_t)(3 * b + j) * k + i] - da[j] * means[(size_t)(3 * a + j) * k + i];
+                    row[i] = sum;
+                    more += sum * (q[i] - first[i]);
+                }
+                const float beyond = far[t] + warp_sum(more);
+                if (beyond <= 0.0f)
+                    continue;
+                TOGETHER();
+                float gives = 0.0f;
+                for (unsigned i = threadIdx.x; i < k; i += WARP) {
                     push[i] = dot(inverse + (size_t)i * k, row, k);
-                __syncthreads();
-                const float by = beyond / fmaxf(dot(push, row, k), 1.17549435e-38f);
-                for (unsigned i = threadIdx.x; i < k; i += blockDim.x)
+                    gives += push[i] * row[i];
+                }
+                const float by = beyond / fmaxf(warp_sum(gives), 1.17549435e-38f);
+                for (unsigned i = threadIdx.x; i < k; i += WARP)
                     q[i] -= by * push[i];
+                *flag = 2;
+                TOGETHER();
             }
-            __syncthreads();
         }
-        if (all_held)
+        __syncthreads();
+        const int any_led = *flag == 2;
+        __syncthreads();
+        if (!any_led)
             return led;
         led = 1;
     }
@@ -431,36 +455,54 @@ __global__ void drape(Layout l, const float *f, const unsigned *u, const float *
                 x[((size_t)(first + k) * n + v) * 3 + j] = y[j][k];
 }
 
-// Unit normals, weighted by area; upwards where no face has any.
-__global__ void turn(Layout l, const unsigned *u, const float *x, float *normals)
+// Unit normals, weighted by area; upwards where no face has any. A thread a vertex, in TURNED frames.
+__global__ void turn(Layout l, const unsigned *u, const float *x, float *normals, unsigned frames)
 {
-    const unsigned v = blockIdx.y * blockDim.x + threadIdx.x;
+    const unsigned v = blockIdx.y * blockDim.x + threadIdx.x, first = blockIdx.x * TURNED;
     if (v >= l.n_verts)
         return;
-    const float *own = x + (size_t)blockIdx.x * l.n_verts * 3;
-    const float h[3] = {own[3 * v], own[3 * v + 1], own[3 * v + 2]};
-    float sum[3] = {0.0f, 0.0f, 0.0f};
-    for (unsigned fan = u[l.fans + v]; fan < u[l.fans + v + 1]; fan++) {
-        const unsigned from = u[l.spans + fan], to = u[l.spans + fan + 1];
-        float last[3], next[3];
-        for (int j = 0; j < 3; j++)
-            last[j] = own[3 * u[l.around + from] + j] - h[j];
-        for (unsigned i = from + 1; i < to; i++) {
-            for (int j = 0; j < 3; j++)
-                next[j] = own[3 * u[l.around + i] + j] - h[j];
-            sum[0] += last[1] * next[2] - last[2] * next[1];
-            sum[1] += last[2] * next[0] - last[0] * next[2];
-            sum[2] += last[0] * next[1] - last[1] * next[0];
-            for (int j = 0; j < 3; j++)
-                last[j] = next[j];
+    const float *own[TURNED];
+    float h[TURNED][3], sum[TURNED][3];
+#pragma unroll
+    for (int k = 0; k < TURNED; k++) {
+        // Of a frame that there is, at any rate.
+        own[k] = x + (size_t)(first + k < frames ? first + k : first) * l.n_verts * 3;
+        for (int j = 0; j < 3; j++) {
+            h[k][j] = own[k][3 * v + j];
+            sum[k][j] = 0.0f;
         }
     }
-    const float square = sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2];
-    const float by = square > 0.0f ? 1.0f / sqrtf(square) : 0.0f;
-    float *to = normals + ((size_t)blockIdx.x * l.n_verts + v) * 3;
-    to[0] = by * sum[0];
-    to[1] = square > 0.0f ? by * sum[1] : 1.0f;
-    to[2] = by * sum[2];
+    for (unsigned fan = u[l.fans + v]; fan < u[l.fans + v + 1]; fan++) {
+        const unsigned from = u[l.spans + fan], to = u[l.spans + fan + 1];
+        float last[TURNED][3];
+        for (unsigned i = from; i < to; i++) {
+            const unsigned at = 3 * u[l.around + i];
+#pragma unroll
+            for (int k = 0; k < TURNED; k++) {
+                float next[3];
+                for (int j = 0; j < 3; j++)
+                    next[j] = own[k][at + j] - h[k][j];
+                if (i > from) {
+                    sum[k][0] += last[k][1] * next[2] - last[k][2] * next[1];
+                    sum[k][1] += last[k][2] * next[0] - last[k][0] * next[2];
+                    sum[k][2] += last[k][0] * next[1] - last[k][1] * next[0];
+                }
+                for (int j = 0; j < 3; j++)
+                    last[k][j] = next[j];
+            }
+        }
+    }
+#pragma unroll
+    for (int k = 0; k < TURNED; k++) {
+        if (first + k >= frames)
+            break;
+        const float *s = sum[k], square = s[0] * s[0] + s[1] * s[1] + s[2] * s[2];
+        const float by = square > 0.0f ? 1.0f / sqrtf(square) : 0.0f;
+        float *to = normals + ((size_t)(first + k) * l.n_verts + v) * 3;
+        to[0] = by * s[0];
+        to[1] = square > 0.0f ? by * s[1] : 1.0f;
+        to[2] = by * s[2];
+    }
 }
 
 #ifdef __CUDACC__

@@ -33,18 +33,24 @@ pub struct AdamState {
 }
 
 impl Adam {
+    /// Step size and floor after so many steps, at least one: both corrections for the start at zero go into them.
+    pub fn corrected(&self, steps: u64) -> [f32; 2] {
+        let [a, b] = self.memory;
+        let bias = |m: f32| 1.0 - f64::from(m).powf(steps as f64);
+        let root = bias(b).sqrt();
+        [
+            (f64::from(self.rate) * root / bias(a)) as f32,
+            (f64::from(self.floor) * root) as f32,
+        ]
+    }
+
     /// Moves `params` against `gradient`.
     pub fn step(&self, state: &mut AdamState, params: &mut [f32], gradient: &[f32]) {
         state.mean.resize(params.len(), 0.0);
         state.square.resize(params.len(), 0.0);
         state.steps += 1;
         let [a, b] = self.memory;
-        let steps = state.steps as f64;
-        let bias = |m: f32| 1.0 - f64::from(m).powf(steps);
-        // Both corrections for the start at zero go into the step size and the floor.
-        let root = bias(b).sqrt();
-        let rate = (f64::from(self.rate) * root / bias(a)) as f32;
-        let floor = (f64::from(self.floor) * root) as f32;
+        let [rate, floor] = self.corrected(state.steps);
         let moments = state.mean.iter_mut().zip(&mut state.square);
         for ((p, g), (m, v)) in params.iter_mut().zip(gradient).zip(moments) {
             *m = a * *m + (1.0 - a) * g;

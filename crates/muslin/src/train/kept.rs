@@ -63,6 +63,7 @@ pub(super) fn beside(out: &Path, extension: &str) -> PathBuf {
 pub(crate) fn failure(e: &TrainError) -> Failure {
     let (exit, code) = match e {
         TrainError::NotFinite { .. } => (Exit::Numbers, "not-finite"),
+        TrainError::Device(_) => (Exit::Refused, "no-device"),
         TrainError::OtherTraining(_) => (Exit::Invalid, "cannot-resume"),
         _ => (Exit::Invalid, "train"),
     };

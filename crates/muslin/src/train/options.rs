@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use muslin_body::motions;
-use muslin_train::Plan;
 use muslin_train::published::{Course, System};
+use muslin_train::{Place, Plan};
 
 use crate::failure::{Exit, Failure};
 use crate::options::{DressOptions, Wear, within};
@@ -54,6 +54,8 @@ pub struct TrainOptions {
     pub seed: u64,
     /// Step size of the network, if not the usual one.
     pub rate: Option<f64>,
+    /// Where the steps of our own training are taken.
+    pub device: Place,
     /// Go on with an unfinished training.
     pub resume: bool,
 }
@@ -85,6 +87,7 @@ impl Default for TrainOptions {
             fairness: None,
             seed: Plan::default().seed,
             rate: None,
+            device: Place::Any,
             resume: false,
         }
     }
@@ -172,6 +175,11 @@ impl TrainOptions {
             (
                 "--fairness",
                 self.fairness.is_some() && self.system.is_some(),
+                ours,
+            ),
+            (
+                "--device",
+                self.device == Place::Cuda && self.system.is_some(),
                 ours,
             ),
             (
