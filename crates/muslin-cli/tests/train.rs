@@ -439,6 +439,7 @@ fn options_of_another_trainer_are_refused_by_name() {
         ("ncs", "--shape", "any"),
         ("snug", "--sizes", "any"),
         ("ncs", "--coarse", "25"),
+        ("snug", "--device", "cuda"),
         ("ncs", "--garment", "shorts,tee"),
     ] {
         let done = published(system, &out, &[option, value]);
@@ -447,6 +448,31 @@ fn options_of_another_trainer_are_refused_by_name() {
     }
     let done = published("vae", &out, &[]);
     assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
+}
+
+#[test]
+fn a_device_that_is_not_there_is_said_and_cores_are_named() {
+    let folder = Folder::new("no-device");
+    let out = folder.at("a.muslin");
+    let done = train(&out, &["--steps", "1", "--device", "cuda"]);
+    if done.status.code() == Some(0) {
+        println!("skipped: there is a CUDA device");
+        return;
+    }
+    assert_eq!(done.status.code(), Some(4), "{}", errors(&done));
+    let said = errors(&done);
+    assert!(
+        said.contains("CUDA") && said.contains("--device cpu"),
+        "{said}"
+    );
+    assert!(folder.names().is_empty(), "{:?}", folder.names());
+    let done = train(&out, &["--steps", "1", "--device", "cpu"]);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let report = std::fs::read_to_string(folder.at("a.report.json")).expect("written");
+    assert!(
+        report.contains("\"device\": \"") && report.contains("core"),
+        "{report}"
+    );
 }
 
 #[test]
