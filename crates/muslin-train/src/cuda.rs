@@ -8,6 +8,7 @@
 #[cfg(test)]
 mod emulated;
 mod learner;
+mod parts;
 mod upload;
 
 #[cfg(feature = "cuda")]

@@ -9,7 +9,8 @@ use muslin_net::Weights;
 use muslin_net::learn::Adam;
 use rayon::prelude::*;
 
-use super::upload::{Cloth, Skins, Solver, Worn, fold_of};
+use super::parts::{PARTS, Parts, TERMS};
+use super::upload::{Skins, Solver, fold_of};
 use super::{Array, Device, bits, told};
 use crate::TrainError;
 use crate::lanes::{LANES, Row};
@@ -20,10 +21,6 @@ use crate::training::{Training, fault, left_out};
 use crate::update::{FARTHEST, FLOOR, factors_at, inverse};
 use crate::work::PIN;
 
-/// Terms of the cost that a pack tells, pose by pose; then how much each counts, and what broke.
-const TERMS: usize = 6;
-/// Parts that the rows of the shapes are summed in.
-const PARTS: u32 = 16;
 /// Bodies that the device remembers, at most [bytes]; the others are told again.
 const REMEMBERED: usize = 4 << 30;
 
@@ -44,144 +41,6 @@ pub struct OnDevice<'a> {
     skins: HashMap<u32, Skins>,
     /// How many bytes these are.
     bytes: usize,
-}
-
-/// All arrays on the device but bodies.
-struct Parts {
-    cloth: Cloth,
-    worn: Vec<Worn>,
-    solver: Solver,
-    slots: Vec<Slot>,
-    learnt: Learnt,
-    work: Room,
-}
-
-/// What is learnt, and what its steps remember.
-struct Learnt {
-    params: Array,
-    mean: Array,
-    square: Array,
-    modes: Array,
-    momentum: Array,
-}
-
-/// A pack of a step.
-struct Slot {
-    inputs: Array,
-    /// What goes into each layer but the first, and comes out of each but the last before it is bent.
-    bent: Vec<Array>,
-    unbent: Vec<Array>,
-    codes: Array,
-    bones: Array,
-    x: Array,
-    at: Array,
-    told: Array,
-}
-
-/// Room to work in.
-struct Room {
-    planes: Array,
-    forces: Array,
-    stretch: Array,
-    costs: Array,
-    broken: Array,
-    g: Array,
-    weighed: Array,
-    parts: Array,
-    /// Slopes in what layers give, in turns.
-    back: [Array; 2],
-    unused: Array,
-    fold_of: Array,
-    d_params: Array,
-    d_modes: Array,
-    moments: Array,
-    held: Array,
-    solved: Array,
-    inverse: Array,
-    moves: Array,
-    far: Array,
-    by: Array,
-}
-
-impl Parts {
-    fn new(trainer: &Trainer<'_>, device: &Device) -> Result<Self, CrowdError> {
-        let (n, k) = (trainer.wearers[0].cut.n_verts(), trainer.plan.codes);
-        let n_params = trainer.encoder.n_params();
-        let room = |n: usize| device.room(n);
-        let worn = trainer.wearers.iter().map(|w| Worn::new(device, w));
-        let slots = (0..trainer.plan.packs).map(|_| Slot::new(trainer, device));
-        Ok(Self {
-            cloth: Cloth::new(device, &trainer.wearers[0].cut, &trainer.skin)?,
-            worn: worn.collect::<Result<_, _>>()?,
-            solver: Solver::new(device, &trainer.factor)?,
-            slots: slots.collect::<Result<_, _>>()?,
-            learnt: Learnt {
-                params: room(n_params)?,
-                mean: room(n_params)?,
-                square: room(n_params)?,
-                modes: room(3 * n * k)?,
-                momentum: room(3 * n * k)?,
-            },
-            work: Room::new(trainer, device)?,
-        })
-    }
-}
-
-impl Slot {
-    fn new(trainer: &Trainer<'_>, device: &Device) -> Result<Self, CrowdError> {
-        let (n, k) = (trainer.wearers[0].cut.n_verts(), trainer.plan.codes);
-        let widths = &trainer.encoder.widths;
-        let room = |n: usize| device.room(n);
-        let inner = || -> Result<Vec<Array>, CrowdError> {
-            let inner = widths[1..widths.len() - 1].iter();
-            inner.map(|w| room(w * LANES)).collect()
-        };
-        // The last of the codes is one, always.
-        let mut codes = vec![0.0; k * LANES];
-        codes[(k - 1) * LANES..].fill(1.0);
-        Ok(Self {
-            inputs: room(widths[0] * LANES)?,
-            bent: inner()?,
-            unbent: inner()?,
-            codes: device.put(&codes)?,
-            bones: room(12 * trainer.rig.len() * LANES)?,
-            x: room(3 * n * LANES)?,
-            at: room(n * LANES)?,
-            told: room((TERMS + 1) * LANES + 1)?,
-        })
-    }
-}
-
-impl Room {
-    fn new(trainer: &Trainer<'_>, device: &Device) -> Result<Self, CrowdError> {
-        let (cut, k) = (&trainer.wearers[0].cut, trainer.plan.codes);
-        let (n, n_faces) = (cut.n_verts(), cut.patches.len());
-        let room = |n: usize| device.room(n);
-        let blocks = |n: usize| (n * LANES).div_ceil(device.block() as usize);
-        let widest = trainer.encoder.widths.iter().max().copied().unwrap_or(1);
-        Ok(Self {
-            planes: room(4 * n * LANES)?,
-            forces: room(6 * n_faces * LANES)?,
-            stretch: room(blocks(n_faces) * LANES)?,
-            costs: room(blocks(n) * (TERMS - 1) * LANES)?,
-            broken: room(blocks(n))?,
-            g: room(3 * n * LANES)?,
-            weighed: room(k * LANES)?,
-            parts: room(PARTS as usize * k * LANES)?,
-            back: [room(widest * LANES)?, room(widest * LANES)?],
-            unused: room(widest * LANES)?,
-            fold_of: room(n)?,
-            d_params: room(trainer.encoder.n_params())?,
-            d_modes: room(3 * n * k)?,
-            moments: room(k * k)?,
-            held: room(6 * n)?,
-            solved: room(3 * n * k)?,
-            inverse: room(k * k)?,
-            moves: room(3 * n * k)?,
-            far: room(trainer.plan.packs * blocks(n))?,
-            by: room(1)?,
-        })
-    }
 }
 
 impl<'a> OnDevice<'a> {
@@ -224,8 +83,8 @@ impl<'a> OnDevice<'a> {
         device.write(&mut learnt.square, &now.adam.square)?;
         device.write(&mut learnt.modes, &now.modes)?;
         device.write(&mut learnt.momentum, &now.momentum)?;
-        if now.step == 0 {
-            // As a training that has not begun is kept.
+        if now.adam.steps == 0 {
+            // As it is kept before the first step.
             (now.adam.mean, now.adam.square) = (Vec::new(), Vec::new());
         }
         self.parts.solver = Solver::new(device, &host.factor)?;
@@ -273,7 +132,8 @@ impl<'a> OnDevice<'a> {
         for (slot, k) in chosen.iter().enumerate() {
             let pack = &mut packs[*k as usize];
             let known = self.know(*k, pack)?;
-            self.meet((slot, chosen.len()), (*k, pack), known.as_ref())?;
+            self.meet(slot, (*k, pack), known.as_ref())?;
+            self.weigh(slot, pack, chosen.len())?;
             self.go_back(slot, chosen.len())?;
             pack.visits += 1;
         }
@@ -368,26 +228,21 @@ impl<'a> OnDevice<'a> {
 }
 
 impl OnDevice<'_> {
-    /// Asks the laws.
+    /// Follows the skin.
     fn meet(
         &mut self,
-        (slot, of): (usize, usize),
+        slot: usize,
         (k, pack): (u32, &Pack),
         known: Option<&Skins>,
     ) -> Result<(), CrowdError> {
-        let first = u32::from(slot == 0);
-        let (host, device, room) = (self.host.get_mut(), &self.device, &mut self.parts.work);
-        let wearer = &host.wearers[pack.wearer];
-        let (n, n_faces) = (wearer.cut.n_verts(), self.parts.cloth.n_faces);
-        let (cloth, worn, slot) = (
-            &self.parts.cloth,
+        let n = self.host.get_mut().wearers[0].cut.n_verts();
+        let (device, room, worn) = (
+            &self.device,
+            &self.parts.work,
             &self.parts.worn[pack.wearer],
-            &mut self.parts.slots[slot],
         );
+        let slot = &mut self.parts.slots[slot];
         device.write(&mut slot.at, &bits(pack.faces.as_flattened()))?;
-        device.write(&mut room.fold_of, &bits(&fold_of(pack, n)))?;
-        let planes: Vec<f32> = pack.folds.iter().flat_map(|f| f.1).flatten().collect();
-        let planes = device.put(&planes)?;
         let skins = known.unwrap_or_else(|| &self.skins[&k]);
         let all = told![
             &worn.skin_faces,
@@ -401,7 +256,23 @@ impl OnDevice<'_> {
             &room.planes,
             n as u32,
         ];
-        device.over("walls", n * LANES, all)?;
+        device.over("walls", n * LANES, all)
+    }
+
+    /// Asks the laws.
+    fn weigh(&mut self, slot: usize, pack: &Pack, of: usize) -> Result<(), CrowdError> {
+        let first = u32::from(slot == 0);
+        let (host, device, room) = (self.host.get_mut(), &self.device, &mut self.parts.work);
+        let wearer = &host.wearers[pack.wearer];
+        let (n, n_faces) = (wearer.cut.n_verts(), self.parts.cloth.n_faces);
+        let (cloth, worn, slot) = (
+            &self.parts.cloth,
+            &self.parts.worn[pack.wearer],
+            &self.parts.slots[slot],
+        );
+        device.write(&mut room.fold_of, &bits(&fold_of(pack, n)))?;
+        let planes: Vec<f32> = pack.folds.iter().flat_map(|f| f.1).flatten().collect();
+        let planes = device.put(&planes)?;
         let firmness = wearer.firmness(host.firm_at(host.now.step)) as f32;
         let all = told![
             &cloth.faces,
@@ -481,7 +352,7 @@ impl OnDevice<'_> {
         let [even, odd] = &room.back;
         let all = told![&room.parts, PARTS, &slot.told, even, k as u32];
         device.over("code_slope", k * LANES, all)?;
-        let mut end = learnt_params(host) as u32;
+        let mut end = host.encoder.n_params() as u32;
         let layers: Vec<_> = host.encoder.layers().collect();
         for (l, layer) in layers.iter().enumerate().rev() {
             let at = end - layer.n_params() as u32;
@@ -509,20 +380,22 @@ impl OnDevice<'_> {
 
     /// Takes a step with the slopes of so many packs.
     fn learn(&mut self, packs: usize) -> Result<(), CrowdError> {
-        let (host, device, room, learnt) = (
-            self.host.get_mut(),
-            &self.device,
-            &mut self.parts.work,
-            &self.parts.learnt,
-        );
-        let (n, k) = (host.wearers[0].cut.n_verts(), host.plan.codes);
+        self.step_network()?;
+        self.divide()?;
+        self.step_shapes(packs)
+    }
+
+    /// Adam's.
+    fn step_network(&mut self) -> Result<(), CrowdError> {
+        let host = self.host.get_mut();
+        let (device, room, learnt) = (&self.device, &self.parts.work, &self.parts.learnt);
         let adam = Adam {
             rate: host.plan.rate * host.fading(),
             ..Adam::default()
         };
         host.now.adam.steps += 1;
         let [rate, floor] = adam.corrected(host.now.adam.steps);
-        let ([a, b], n_params) = (adam.memory, learnt_params(host));
+        let ([a, b], n_params) = (adam.memory, host.encoder.n_params());
         let all = told![
             &learnt.params,
             &learnt.mean,
@@ -534,7 +407,14 @@ impl OnDevice<'_> {
             b,
             n_params as u32,
         ];
-        device.over("adam", n_params, all)?;
+        device.over("adam", n_params, all)
+    }
+
+    /// Divides what is remembered of the slopes in the shapes by the stiffness.
+    fn divide(&mut self) -> Result<(), CrowdError> {
+        let host = self.host.get_mut();
+        let (device, room, learnt) = (&self.device, &self.parts.work, &self.parts.learnt);
+        let (n, k) = (host.wearers[0].cut.n_verts(), host.plan.codes);
         let n_modes = 3 * n * k;
         let keep = host.plan.momentum;
         let all = told![&learnt.momentum, &room.d_modes, keep, n_modes as u32];
@@ -544,10 +424,7 @@ impl OnDevice<'_> {
             self.parts.solver = Solver::new(device, &host.factor)?;
         }
         let Solver {
-            order,
-            places,
-            down,
-            up,
+            order, down, up, ..
         } = &self.parts.solver;
         let all = told![
             order,
@@ -570,8 +447,15 @@ impl OnDevice<'_> {
             k as u32,
             n as u32,
         ];
-        device.launch(("solve", device.solvers()), [k as u32, 1], all)?;
-        // Meanwhile, here.
+        device.launch(("solve", device.solvers()), [k as u32, 1], all)
+    }
+
+    /// Leads the shapes there, by the inverse of the codes' moments, which is found here meanwhile.
+    fn step_shapes(&mut self, packs: usize) -> Result<(), CrowdError> {
+        let (host, device, room) = (self.host.get_mut(), &self.device, &mut self.parts.work);
+        let (places, learnt) = (&self.parts.solver.places, &self.parts.learnt);
+        let (n, k) = (host.wearers[0].cut.n_verts(), host.plan.codes);
+        let n_modes = 3 * n * k;
         device.write(&mut room.inverse, &inverse(&host.now.moments, k, FLOOR))?;
         let (solved, inverse) = (&room.solved, &room.inverse);
         let all = told![solved, places, inverse, &room.moves, k as u32, n as u32];
@@ -595,11 +479,6 @@ impl OnDevice<'_> {
         let all = told![&learnt.modes, &room.moves, &room.by, n_modes as u32];
         device.over("move", n_modes, all)
     }
-}
-
-/// How many parameters the network has.
-fn learnt_params(host: &Trainer<'_>) -> usize {
-    host.encoder.n_params()
 }
 
 impl Training for OnDevice<'_> {
@@ -681,156 +560,4 @@ fn of(told: &[f32], n: usize) -> (Told, Option<usize>) {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::LazyLock;
-
-    use super::*;
-    use crate::cuda::emulated::Emulated;
-    use crate::testing::{Class, Other, go_on_alike};
-
-    static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
-
-    /// This machine's processor, and the CUDA device if there is one; nothing where there is no C compiler.
-    fn devices() -> Vec<Device> {
-        let mut out: Vec<Device> = Emulated::new().map(Device::Emulated).into_iter().collect();
-        match Device::cuda() {
-            Ok(device) => out.push(device),
-            Err(why) => println!("skipped on a device: {why}"),
-        }
-        out
-    }
-
-    /// Trainings of one wearer, and of two.
-    fn trainings<'a>(other: &'a Other) -> [Trainer<'a>; 2] {
-        [CLASS.trainer(), CLASS.taught(other.lessons(&CLASS))]
-    }
-
-    fn bits_of(x: &[f32]) -> Vec<u32> {
-        x.iter().map(|x| x.to_bits()).collect()
-    }
-
-    fn off(a: &[f32], b: &[f32]) -> f32 {
-        assert_eq!(a.len(), b.len());
-        let square = |x: &mut dyn Iterator<Item = f32>| x.map(|x| x * x).sum::<f32>();
-        let off = square(&mut a.iter().zip(b).map(|(a, b)| a - b));
-        (off / square(&mut b.iter().copied()).max(1e-30)).sqrt()
-    }
-
-    #[test]
-    fn a_device_learns_what_a_trainer_does() {
-        let other = Other::new(&CLASS);
-        for device in devices() {
-            println!("on {}", device.name());
-            for mut host in trainings(&other) {
-                // Beyond where skin is followed, and the factor is made anew.
-                while host.steps() < 3 {
-                    host.step().expect("finite");
-                }
-                let mut on = CLASS.taught(match host.wearers.len() {
-                    1 => vec![CLASS.lesson()],
-                    _ => other.lessons(&CLASS),
-                });
-                on.restore(&host.keep()).expect("the same training");
-                let same = match &device {
-                    Device::Emulated(d) => Device::Emulated(d.clone()),
-                    #[cfg(feature = "cuda")]
-                    Device::Cuda(_) => Device::cuda().expect("it was there"),
-                };
-                let mut on = OnDevice::new(on, same)
-                    .map_err(|e| e.1)
-                    .expect("there is room");
-                assert_eq!(on.keep(), host.keep(), "nothing is learnt by moving");
-                for _ in 0..4 {
-                    let (a, b) = (on.step().expect("finite"), host.step().expect("finite"));
-                    for ((name, a), (_, b)) in a.energies.terms().iter().zip(b.energies.terms()) {
-                        assert!(
-                            (a - b).abs() <= 2e-4 * b.abs() + 1e-6,
-                            "{name}: {a} for {b}"
-                        );
-                    }
-                    assert!(
-                        (a.under - b.under).abs() < 2e-3,
-                        "{} for {}",
-                        a.under,
-                        b.under
-                    );
-                }
-                on.ask();
-                let on = on.host.borrow();
-                let (a, b) = (&on.now, &host.now);
-                assert_eq!(
-                    (a.step, a.adam.steps, &a.queue),
-                    (b.step, b.adam.steps, &b.queue)
-                );
-                let pairs = [
-                    ("modes", off(&a.modes, &b.modes)),
-                    ("momentum", off(&a.momentum, &b.momentum)),
-                    ("parameters", off(&a.params, &b.params)),
-                    ("means", off(&a.adam.mean, &b.adam.mean)),
-                    ("walls", off(a.walls.as_flattened(), b.walls.as_flattened())),
-                ];
-                println!("{pairs:?}");
-                for (what, off) in pairs {
-                    assert!(off < 5e-3, "{what}: {off}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_device_goes_on_to_the_same_bits() {
-        for device in devices() {
-            let same = || match &device {
-                Device::Emulated(d) => Device::Emulated(d.clone()),
-                #[cfg(feature = "cuda")]
-                Device::Cuda(_) => Device::cuda().expect("it was there"),
-            };
-            let start = || {
-                OnDevice::new(CLASS.trainer(), same())
-                    .map_err(|e| e.1)
-                    .expect("there is room")
-            };
-            let (mut whole, mut broken) = (start(), start());
-            while broken.steps() < 2 {
-                broken.step().expect("finite");
-            }
-            let kept = broken.keep();
-            let mut broken = start();
-            broken.restore(&kept).expect("the same training");
-            go_on_alike([&mut whole, &mut broken], 4);
-        }
-    }
-
-    #[test]
-    fn a_batch_that_is_not_finite_is_left_out_on_a_device_and_said() {
-        for device in devices() {
-            let mut host = CLASS.trainer();
-            // Of one vertex alone, and so that it is there from the first step on.
-            host.now.modes[host.plan.codes - 1] = f32::NAN;
-            let mut on = OnDevice::new(host, device)
-                .map_err(|e| e.1)
-                .expect("there is room");
-            let bits = |on: &OnDevice<'_>| bits_of(&on.host.borrow().now.modes);
-            let before = bits(&on);
-            for _ in 0..5 {
-                on.step().expect("left out");
-            }
-            // What the device has.
-            on.is_stale.set(true);
-            on.ask();
-            assert_eq!(bits(&on), before);
-            let failed = on.step().expect_err("six in a row");
-            assert!(
-                matches!(
-                    failed,
-                    TrainError::NotFinite {
-                        step: 6,
-                        vertex: 0,
-                        ..
-                    }
-                ),
-                "{failed}"
-            );
-        }
-    }
-}
+mod tests;
