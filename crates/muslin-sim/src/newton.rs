@@ -27,6 +27,8 @@ pub(crate) struct Problem<'a> {
     pub drag: Option<&'a Drag>,
     pub touches: &'a [Touch],
     pub pairs: &'a [Pair],
+    /// Whether cloth comes to rest: nothing slides or falls then.
+    pub is_calm: bool,
     pub barrier: Barrier,
     /// Vertices held, and where [m].
     pub pins: &'a [(u32, DVec3)],
@@ -85,16 +87,16 @@ impl Problem<'_> {
                 add(w.pattern.places[f as usize][a][b], h);
             }
         });
-        let held = self.held(&gradient);
+        let held = self.held(x, &gradient);
         let links = pairs::add(&held, x, &self.barrier, &mut gradient);
         let matrix = Matrix::new(&w.pattern, &w.bending, blocks, links);
         (gradient, matrix, held)
     }
 
-    /// The pairs, of which those that do not push yet are let go where all other forces [N] lead patches of cloth away
-    /// from each other.
-    fn held(&self, gradient: &[DVec3]) -> Vec<Pair> {
-        if !self.pairs.iter().any(Pair::is_coming) {
+    /// The pairs at `x` as all other forces [N] lead patches of cloth: who does not push yet is let go where they lead
+    /// apart, and who slides, or will, slides on where friction does not hold them.
+    fn held(&self, x: &[DVec3], gradient: &[DVec3]) -> Vec<Pair> {
+        if self.is_calm || self.pairs.is_empty() {
             return self.pairs.to_vec();
         }
         let time = self.step * self.step;
@@ -106,8 +108,11 @@ impl Problem<'_> {
         let ways = ordered::map(gradient.len(), |i| gradient[i] * -give[i]);
         let ways = self.weave.pattern.near.smoothed(ways, PATCHES);
         let fall = self.gravity * time;
+        let grips = pairs::grips(self.pairs, x.len());
+        let back: Vec<f64> = grips.iter().zip(&give).map(|(f, g)| f * g).collect();
         ordered::map(self.pairs.len(), |k| {
-            self.pairs[k].unless_parted(&ways, fall)
+            let pair = self.pairs[k].unless_parted(&ways, fall);
+            pair.led_on(x, &ways, &back)
         })
     }
 
@@ -299,7 +304,6 @@ mod tests {
             friction: &[0.3; 9],
             stick: 5e-5,
             from: &target,
-            ahead: None,
             pushed: None,
             fall: DVec3::ZERO,
         };
@@ -320,6 +324,7 @@ mod tests {
             drag: Some(&drag),
             touches: &[touch],
             pairs: &pairs::gripping(&[near], &x, &rule),
+            is_calm: false,
             barrier: cloth_barrier,
             pins: &[(2, x[2] + DVec3::Z * 1e-4)],
             pin: 100.0,
@@ -391,6 +396,7 @@ mod tests {
             drag: None,
             touches: &[],
             pairs: &[],
+            is_calm: false,
             barrier: Barrier {
                 radius: 3e-3,
                 width: 1e-3,

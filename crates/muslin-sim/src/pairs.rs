@@ -1,6 +1,6 @@
 //! Cloth on cloth: near pairs push each other apart and rub.
 
-use glam::{DVec3, Mat3A};
+use glam::{DMat3, DVec3, Mat3A};
 use muslin_energy::{
     AtPoint, contact, contact::Barrier, friction, friction::Pressed, outer, proximity,
 };
@@ -22,8 +22,8 @@ pub(crate) struct Pair {
     pub stuck: DVec3,
     pub grip: f64,
     pub stick: f64,
-    /// How far the two would slide along each other unforced [m], where that is no more than a guess.
-    pub ahead: DVec3,
+    /// Where the slide ends that all other forces lead on, as seen from there [m]; none where friction holds it back.
+    pub ends: Option<DVec3>,
     /// How strongly the two push, or will once weight led the one to the other [N].
     press: f64,
     /// What holds the two apart that do not push yet [N/m].
@@ -44,7 +44,7 @@ impl Pair {
             stuck: DVec3::ZERO,
             grip: 0.0,
             stick: rule.stick,
-            ahead: DVec3::ZERO,
+            ends: None,
             press: -slope,
             soon: 0.0,
         };
@@ -68,11 +68,9 @@ impl Pair {
             // Who is only about to meet has not pushed yet.
             None => f64::from(!self.is_coming()),
         };
-        let stuck = self.gap(rule.from);
         Pair {
-            stuck,
+            stuck: self.gap(rule.from),
             grip: self.press * rate * self.mean(rule.friction),
-            ahead: rule.ahead.map_or(DVec3::ZERO, |at| self.gap(at) - stuck),
             ..self
         }
     }
@@ -126,6 +124,28 @@ impl Pair {
         }
     }
 
+    /// The pair at `x` [m] with where its slide ends, if all other forces lead it farther by their `ways` than friction
+    /// may hold vertices `back` [m].
+    pub fn led_on(&self, x: &[DVec3], ways: &[DVec3], back: &[f64]) -> Pair {
+        let at = self.along(self.gap(x) - self.stuck);
+        let to = at + self.along(self.gap(ways));
+        let ends = self.verts.iter().zip(&self.weights);
+        let back: f64 = ends.map(|(v, w)| w.abs() * back[*v as usize]).sum();
+        let (so_far, far) = (at.length(), to.length());
+        let gains = self.grip > 0.0 && far - back > so_far.max(self.stick);
+        // Who slides the other way must come to rest first.
+        let is_onwards = so_far < self.stick || to.dot(at) > 0.0;
+        Pair {
+            ends: (gains && is_onwards).then(|| to * (1.0 - back / far)),
+            ..*self
+        }
+    }
+
+    /// The part along the two sides.
+    fn along(&self, d: DVec3) -> DVec3 {
+        d - self.normal * self.normal.dot(d)
+    }
+
     fn gap(&self, x: &[DVec3]) -> DVec3 {
         proximity::weighted(&self.verts.map(|v| x[v as usize]), &self.weights)
     }
@@ -140,16 +160,27 @@ impl Pair {
                 limit: self.grip,
                 stick: self.stick,
             };
-            let rub = friction::slide_majorised(gap - self.stuck, &on);
+            let slide = gap - self.stuck;
+            let rub = friction::slide_majorised(slide, &on);
             out.energy += rub.energy;
             out.gradient += rub.gradient;
-            // Who has not begun to slide would seem to stick.
-            out.hessian += match self.ahead == DVec3::ZERO {
-                true => rub.hessian,
-                false => friction::slide_majorised(self.ahead, &on).hessian,
+            out.hessian += match self.ends {
+                None => rub.hessian,
+                Some(ends) => self.gaining(slide, ends, &on),
             };
         }
         out
+    }
+
+    /// The stiffness of friction with which one step leads a slide to where it ends: from there on the limit holds it
+    /// back, which in motion it does already, and at rest not yet. The parabola above its energy would have it stick.
+    fn gaining(&self, slide: DVec3, ends: DVec3, on: &Pressed) -> DMat3 {
+        let whole = friction::slide_majorised(ends, on).hessian;
+        if self.along(slide).length() < self.stick {
+            return whole;
+        }
+        let along = ends.normalize_or_zero();
+        whole - outer(along * along.dot(whole * along), along)
     }
 }
 
@@ -166,8 +197,6 @@ pub(crate) struct Rule<'a> {
     pub stick: f64,
     /// Where the cloth was when the step began [m].
     pub from: &'a [DVec3],
-    /// Where it would be at its end unforced [m], if a solve begins far from there.
-    pub ahead: Option<&'a [DVec3]>,
     /// How strongly cloth pushed each vertex when the last step ended [N], if that is known: friction goes by it.
     pub pushed: Option<&'a [f64]>,
     /// How far weight alone leads within the step [m]: who may meet by that is held up before he falls through.
@@ -188,6 +217,11 @@ pub(crate) fn gripping(list: &[Near], x: &[DVec3], rule: &Rule<'_>) -> Vec<Pair>
         shares.collect::<Vec<_>>()
     });
     ordered::map(pairs.len(), |k| pairs[k].rubbing(rates.as_deref(), rule))
+}
+
+/// By how much friction may hold every one of `n` vertices back [N].
+pub(crate) fn grips(pairs: &[Pair], n: usize) -> Vec<f64> {
+    on_vertices(pairs, n, |p| pairs[p].grip)
 }
 
 /// The sum over the pairs of every vertex's part in the `force` of each, by its number [N].
@@ -275,9 +309,52 @@ mod tests {
             friction: &FRICTION,
             stick: 3e-5,
             from,
-            ahead: None,
             pushed,
             fall: DVec3::NEG_Y * fall,
+        }
+    }
+
+    #[test]
+    fn one_step_leads_a_slide_that_gains_to_where_it_ends_and_no_other_farther() {
+        let (x, pushed) = (over(1.4e-3), [1e-3; 4]);
+        let pair = gripping(&[NEAR], &x, &rule(&x, Some(&pushed), 0.0))[0];
+        assert!(pair.grip > 0.0);
+        let along = |d: f64| {
+            let mut ways = [DVec3::ZERO; 4];
+            ways[0] = DVec3::new(d, 5e-4, 0.0);
+            ways
+        };
+        // The upper side's weight is one, so are those of the lower sides together.
+        let back = [1e-4, 5e-5, 5e-5, 5e-5];
+        let barrier = rule(&x, None, 0.0).barrier;
+        // What friction alone does along the slide.
+        let rub = |pair: &Pair, x: &[DVec3]| {
+            let [with, without] =
+                [*pair, Pair { grip: 0.0, ..*pair }].map(|p| p.answer(x, &barrier));
+            let stiff = with.hessian - without.hessian;
+            ((with.gradient - without.gradient).x, stiff.x_axis.x)
+        };
+        let led = |x: &[DVec3], way: f64| {
+            let led = pair.led_on(x, &along(way), &back);
+            (led.ends.map(|e| e.x), rub(&led, x))
+        };
+        let (ends, (slope, k)) = led(&x, 4e-4);
+        let ends = ends.expect("it begins to slide");
+        assert!((ends - 2.5e-4).abs() < 1e-12 && slope == 0.0);
+        assert!((k * ends / pair.grip - 1.0).abs() < 1e-9);
+        let mut slid = x;
+        slid[0].x += 2e-4;
+        let (ends, (slope, k)) = led(&slid, 4e-4);
+        assert!((ends.expect("it slides on") - 4.5e-4).abs() < 1e-12);
+        assert!((slope / pair.grip - 1.0).abs() < 1e-9 && k.abs() < 1e-9 * pair.grip / 2e-4);
+        // Held back, losing, or turning round.
+        for (x, way) in [(x, 1.4e-4), (slid, 1e-4), (slid, -9e-4)] {
+            let (ends, (_, k)) = led(&x, way);
+            let (_, parabola) = rub(&pair, &x);
+            assert!(
+                ends.is_none() && k == parabola && k > 0.0,
+                "{way}: {ends:?}"
+            );
         }
     }
 

@@ -352,7 +352,7 @@ fn cloth_slides_on_cloth_and_friction_slows_it() {
     let thrown = slides_on_cloth(1.0, 0.0);
     let slowed = (thrown[0] - thrown[12]) / 0.2;
     assert!(
-        (slowed / (0.3 * 9.81) - 1.0).abs() < 0.15,
+        (slowed / (0.3 * 9.81) - 1.0).abs() < 0.05,
         "{slowed}: {thrown:?}"
     );
     assert!(thrown[0] > 0.9 && thrown[28].abs() < 2e-3, "{thrown:?}");
@@ -365,7 +365,7 @@ fn cloth_slides_on_cloth_and_friction_slows_it() {
     let slides = slides_on_cloth(0.0, angle);
     let law = 9.81 * (angle.sin() - 0.3 * angle.cos()) * 0.5;
     assert!(
-        (0.5 * law..law).contains(&slides[29]),
+        (0.92 * law..law).contains(&slides[29]),
         "{slides:?} for {law}"
     );
 }

@@ -62,6 +62,8 @@ struct Way {
     target: Vec<DVec3>,
     /// How many times its inertia counts.
     inertia: f64,
+    /// Whether cloth comes to rest.
+    is_calm: bool,
     drag: Option<Drag>,
 }
 
@@ -143,6 +145,7 @@ impl Stage<'_> {
             drag: Drag::new(self.weave, &from, &air, (h, pace.inertia)),
             from,
             inertia: pace.inertia,
+            is_calm: pace.smooth,
         }
     }
 
@@ -328,7 +331,7 @@ impl Stage<'_> {
             return (pairs, Some(energy));
         }
         self.x.clone_from(&way.from);
-        (self.pairs_from((way, pace), true), None)
+        (self.pairs((way, pace)), None)
     }
 
     /// A Newton step from where the cloth is.
@@ -368,6 +371,7 @@ impl Stage<'_> {
             drag: way.drag.as_ref(),
             touches,
             pairs,
+            is_calm: way.is_calm,
             barrier: self.barrier(),
             pins,
             pin: self.options.pin,
@@ -384,6 +388,7 @@ impl Stage<'_> {
             scheme: Scheme::euler(step),
             target: self.x.clone(),
             inertia: 1.0,
+            is_calm: true,
             drag: None,
         };
         let touches = self.touches(way.scheme.tau);
@@ -435,12 +440,8 @@ impl Stage<'_> {
         }
     }
 
-    fn pairs(&mut self, on: (&Way, &Pace)) -> Vec<Pair> {
-        self.pairs_from(on, false)
-    }
-
-    /// Pairs that push, or soon will, as a solve begins that is `still` where the step began.
-    fn pairs_from(&mut self, (way, pace): (&Way, &Pace), still: bool) -> Vec<Pair> {
+    /// Pairs that push, or soon will.
+    fn pairs(&mut self, (way, pace): (&Way, &Pace)) -> Vec<Pair> {
         let barrier = self.barrier();
         let cloth = (self.weave, &self.tangled[..]);
         self.near.look(cloth, &self.x, barrier.radius);
@@ -455,7 +456,6 @@ impl Stage<'_> {
             friction: &self.weave.friction,
             stick: STICK * h,
             from,
-            ahead: (still && !pace.smooth).then_some(&way.target),
             pushed: self.pressed.as_ref().map(|p| &p.by_cloth[..]),
             fall,
         };
