@@ -142,8 +142,7 @@ impl OnDevice {
     }
 
     pub fn name(&self) -> String {
-        let name = self.stream.context().name();
-        name.unwrap_or_else(|_| "a CUDA device".into())
+        device::name(self.stream.context())
     }
 
     pub fn n_verts(&self) -> usize {

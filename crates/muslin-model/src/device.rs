@@ -51,6 +51,12 @@ pub fn first() -> Result<Arc<CudaContext>, CrowdError> {
     }
 }
 
+/// A device's name.
+pub fn name(context: &CudaContext) -> String {
+    let name = context.name();
+    name.unwrap_or_else(|_| "a CUDA device".into())
+}
+
 /// Kernels for this device, of their source and of the macros that it is told.
 ///
 /// # Errors

@@ -23,7 +23,7 @@ pub(crate) struct Pair {
     pub grip: f64,
     pub stick: f64,
     /// Where the slide ends that all other forces lead on, as seen from there [m]; none where friction holds it back.
-    pub ends: Option<DVec3>,
+    ends: Option<DVec3>,
     /// How strongly the two push, or will once weight led the one to the other [N].
     press: f64,
     /// What holds the two apart that do not push yet [N/m].
@@ -129,8 +129,8 @@ impl Pair {
     pub fn led_on(&self, x: &[DVec3], ways: &[DVec3], back: &[f64]) -> Pair {
         let at = self.along(self.gap(x) - self.stuck);
         let to = at + self.along(self.gap(ways));
-        let ends = self.verts.iter().zip(&self.weights);
-        let back: f64 = ends.map(|(v, w)| w.abs() * back[*v as usize]).sum();
+        // Both sides are held back.
+        let back = 2.0 * self.mean(back);
         let (so_far, far) = (at.length(), to.length());
         let gains = self.grip > 0.0 && far - back > so_far.max(self.stick);
         // Who slides the other way must come to rest first.

@@ -6,6 +6,7 @@ use muslin_geom::{Closest, Surface, vertex_normals};
 use muslin_sim::{Flesh, Frame};
 
 use crate::around::Resting;
+use crate::rows::flat;
 
 /// How far from the cloth skin is looked for [m].
 const REACH: f64 = 0.06;
@@ -289,10 +290,7 @@ fn around(n: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     for (f, face) in faces.iter().enumerate() {
         face.iter().for_each(|v| rows[*v as usize].push(f as u32));
     }
-    let mut starts = vec![0];
-    rows.iter()
-        .for_each(|row| starts.push(starts[starts.len() - 1] + row.len() as u32));
-    (starts, rows.concat())
+    flat(&rows)
 }
 
 /// The point of a triangle nearest to another.

@@ -139,10 +139,7 @@ impl Device {
     pub fn name(&self) -> String {
         match self {
             #[cfg(feature = "cuda")]
-            Self::Cuda(d) => {
-                let name = d.stream.context().name();
-                name.unwrap_or_else(|_| "a CUDA device".into())
-            }
+            Self::Cuda(d) => muslin_model::device::name(d.stream.context()),
             #[cfg(test)]
             Self::Emulated(_) => "this machine's processor".into(),
         }
@@ -242,8 +239,12 @@ impl Device {
         n: usize,
         args: &[Arg<'_>],
     ) -> Result<(), CrowdError> {
-        let blocks = n.div_ceil(self.block() as usize) as u32;
-        self.launch((kernel, self.block()), [blocks, 1], args)
+        self.launch((kernel, self.block()), [self.blocks(n), 1], args)
+    }
+
+    /// Blocks that have a thread each for `n` things.
+    pub(crate) fn blocks(&self, n: usize) -> u32 {
+        n.div_ceil(self.block() as usize) as u32
     }
 
     /// Runs a kernel over so many blocks of so many threads. `args` are those that it has, in their order.

@@ -28,9 +28,9 @@ pub struct Cut {
     /// Mass of every vertex [kg].
     pub mass: Vec<f32>,
     /// Bending, `E = ½ xᵀ Q x`: for every vertex where its entries start.
-    bend_starts: Vec<u32>,
+    pub bend_starts: Vec<u32>,
     /// Other vertex and entry [N/m].
-    bend: Vec<(u32, f32)>,
+    pub bend: Vec<(u32, f32)>,
     pub pins: Vec<u32>,
 }
 

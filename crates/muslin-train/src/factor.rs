@@ -7,6 +7,8 @@
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
+use crate::rows::flat;
+
 /// A symmetric matrix of blocks by rows; both halves are given.
 #[derive(Clone, Debug)]
 pub struct Matrix {
@@ -70,15 +72,12 @@ impl Pattern {
             }
             columns[j] = rows;
         }
-        let mut starts = vec![0];
-        for c in &columns {
-            starts.push(starts[starts.len() - 1] + c.len() as u32);
-        }
+        let (starts, rows) = flat(&columns);
         Self {
             order,
             place,
             starts,
-            rows: columns.concat(),
+            rows,
         }
     }
 
@@ -250,20 +249,14 @@ impl Sweep {
             }
             members[level[v]].push(v as u32);
         }
-        let starts = |sizes: &mut dyn Iterator<Item = usize>| -> Vec<u32> {
-            let mut end = 0;
-            let ends = sizes.map(|n| {
-                end += n as u32;
-                end
-            });
-            std::iter::once(0).chain(ends).collect()
-        };
+        let (levels, members) = flat(&members);
+        let (starts, waited) = flat(rows);
         Self {
-            levels: starts(&mut members.iter().map(Vec::len)),
-            members: members.concat(),
-            starts: starts(&mut rows.iter().map(Vec::len)),
-            others: rows.iter().flatten().map(|e| e.0).collect(),
-            blocks: rows.iter().flatten().flat_map(|e| e.1).collect(),
+            levels,
+            members,
+            starts,
+            others: waited.iter().map(|e| e.0).collect(),
+            blocks: waited.iter().flat_map(|e| e.1).collect(),
             diagonal: Vec::new(),
         }
     }

@@ -30,6 +30,7 @@ mod place;
 mod pool;
 mod prepare;
 pub mod published;
+mod rows;
 mod skin;
 mod state;
 mod sway;

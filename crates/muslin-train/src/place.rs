@@ -23,35 +23,40 @@ pub type Placed<'a> = (Box<dyn Training + 'a>, String);
 /// [`TrainError::Device`] where a CUDA device is asked for and there is none that can, or the program was built without
 /// the feature `cuda`.
 pub fn placed(trainer: Trainer<'_>, place: Place) -> Result<Placed<'_>, TrainError> {
-    let trainer = match on_device(trainer, place) {
-        Ok(placed) => return Ok(placed),
-        Err((_, why)) if place == Place::Cuda => return Err(why),
-        Err((trainer, _)) => trainer,
-    };
-    let n = rayon::current_num_threads();
-    let cores = if n == 1 { "core" } else { "cores" };
-    Ok((trainer, format!("{n} {cores}")))
+    if place == Place::Cores {
+        return Ok(on_cores(Box::new(trainer)));
+    }
+    match on_device(trainer) {
+        Err((_, why)) if place == Place::Cuda => Err(why),
+        Err((trainer, _)) => Ok(on_cores(trainer)),
+        Ok(placed) => Ok(placed),
+    }
 }
 
-/// On a device; else the trainer, and why not.
-fn on_device(
-    trainer: Trainer<'_>,
-    place: Place,
-) -> Result<Placed<'_>, (Box<Trainer<'_>>, TrainError)> {
-    #[cfg(feature = "cuda")]
-    if place != Place::Cores {
-        return match crate::cuda::Device::cuda() {
-            Ok(device) => {
-                let name = device.name();
-                let on = crate::cuda::OnDevice::new(trainer, device)?;
-                Ok((Box::new(on), name))
-            }
-            Err(why) => Err((Box::new(trainer), why.into())),
-        };
+fn on_cores(trainer: Box<Trainer<'_>>) -> Placed<'_> {
+    let n = rayon::current_num_threads();
+    let cores = if n == 1 { "core" } else { "cores" };
+    (trainer, format!("{n} {cores}"))
+}
+
+/// The trainer, and why no device takes its steps.
+type Left<'a> = (Box<Trainer<'a>>, TrainError);
+
+#[cfg(feature = "cuda")]
+fn on_device(trainer: Trainer<'_>) -> Result<Placed<'_>, Left<'_>> {
+    match crate::cuda::Device::cuda() {
+        Ok(device) => {
+            let name = device.name();
+            let on = crate::cuda::OnDevice::new(trainer, device)?;
+            Ok((Box::new(on), name))
+        }
+        Err(why) => Err((Box::new(trainer), why.into())),
     }
-    let _ = place;
-    let why = muslin_model::CrowdError::NotBuilt;
-    Err((Box::new(trainer), TrainError::from(why)))
+}
+
+#[cfg(not(feature = "cuda"))]
+fn on_device(trainer: Trainer<'_>) -> Result<Placed<'_>, Left<'_>> {
+    Err((Box::new(trainer), muslin_model::CrowdError::NotBuilt.into()))
 }
 
 #[cfg(test)]

@@ -270,7 +270,7 @@ impl<'a> Trainer<'a> {
         told
     }
 
-    fn told(&self, works: &[Work]) -> Told {
+    pub(crate) fn told(&self, works: &[Work]) -> Told {
         let mut told = Told {
             step: self.now.step + 1,
             ..Told::default()
@@ -283,7 +283,7 @@ impl<'a> Trainer<'a> {
         told
     }
 
-    fn fault(&self, works: &[Work]) -> Option<TrainError> {
+    pub(crate) fn fault(&self, works: &[Work]) -> Option<TrainError> {
         works.iter().find_map(|w| {
             let vertex = w.broken?;
             Some(fault(&w.energies, vertex, self.now.step))

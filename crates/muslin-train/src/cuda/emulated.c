@@ -6,7 +6,6 @@
 #include <string.h>
 #include <ucontext.h>
 
-#define SOLVERS 4
 #define ABREAST 2
 
 typedef struct {

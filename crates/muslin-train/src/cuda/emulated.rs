@@ -8,7 +8,7 @@ use super::{Arg, Array};
 
 /// Threads of a block here.
 pub const BLOCK: u32 = 32;
-/// And of one that solves, as `emulated.c` has it.
+/// And of one that solves.
 pub const SOLVERS: u32 = 4;
 
 type Launch =
@@ -42,7 +42,8 @@ impl Emulated {
         let source = concat!(env!("CARGO_MANIFEST_DIR"), "/src/cuda/emulated.c");
         let built = Command::new("cc")
             .args(["-std=c11", "-O1", "-Wall", "-Wextra", "-Werror"])
-            .args(["-shared", "-fPIC", &format!("-DBLOCK={BLOCK}")])
+            .args(["-shared", "-fPIC"])
+            .args([format!("-DBLOCK={BLOCK}"), format!("-DSOLVERS={SOLVERS}")])
             .args([source, "-lm", "-o"])
             .arg(&library)
             .output()

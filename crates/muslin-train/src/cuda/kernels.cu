@@ -97,6 +97,37 @@ __device__ float dot(const float *a, const float *b)
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+// Of vertex `v` its three rows of shapes times the codes.
+__device__ void mix(const float *shapes, const float *codes, unsigned k, unsigned v, unsigned lane, float *p)
+{
+    const float *m = shapes + (size_t)3 * v * k;
+    p[0] = p[1] = p[2] = 0.0f;
+    for (unsigned c = 0; c < k; c++) {
+        const float z = codes[c * LANES + lane];
+        p[0] += m[c] * z;
+        p[1] += m[k + c] * z;
+        p[2] += m[2 * k + c] * z;
+    }
+}
+
+// Over the rows of a block, for one pose.
+__device__ float sum_rows(const float *of, unsigned lane)
+{
+    float sum = 0.0f;
+    for (int r = 0; r < ROWS; r++)
+        sum += of[r * LANES + lane];
+    return sum;
+}
+
+// Over a block.
+__device__ float most_of(const float *of)
+{
+    float most = of[0];
+    for (int i = 1; i < BLOCK; i++)
+        most = fmaxf(most, of[i]);
+    return most;
+}
+
 // From codes to where vertices are.
 __global__ void place(const float *modes, const float *codes, unsigned k, const float *laid, const unsigned *starts,
                       const unsigned *bones, const float *weights, const float *posed, float *x, unsigned n)
@@ -104,14 +135,8 @@ __global__ void place(const float *modes, const float *codes, unsigned k, const 
     const unsigned i = blockIdx.x * blockDim.x + threadIdx.x, v = i / LANES, lane = i % LANES;
     if (v >= n)
         return;
-    const float *m = modes + (size_t)3 * v * k;
-    float p[3] = {0.0f, 0.0f, 0.0f}, a[12], out[3];
-    for (unsigned c = 0; c < k; c++) {
-        const float z = codes[c * LANES + lane];
-        p[0] += m[c] * z;
-        p[1] += m[k + c] * z;
-        p[2] += m[2 * k + c] * z;
-    }
+    float p[3], a[12], out[3];
+    mix(modes, codes, k, v, lane, p);
     for (int j = 0; j < 3; j++)
         p[j] += laid[3 * v + j];
     blend(starts, bones, weights, posed, v, lane, a);
@@ -274,12 +299,8 @@ __global__ void patches(const unsigned *faces, const float *patches, float firmn
         cost[threadIdx.x] = density * (0.5f * area);
     }
     __syncthreads();
-    if (threadIdx.x < LANES) {
-        float sum = 0.0f;
-        for (int r = 0; r < ROWS; r++)
-            sum += cost[r * LANES + threadIdx.x];
-        costs[blockIdx.x * LANES + threadIdx.x] = sum;
-    }
+    if (threadIdx.x < LANES)
+        costs[blockIdx.x * LANES + threadIdx.x] = sum_rows(cost, threadIdx.x);
 }
 
 // How a wall pushes: `muslin_energy::contact::Barrier`.
@@ -377,12 +398,8 @@ __global__ void gather(const unsigned *shared_starts, const unsigned *shared, co
     for (int j = 0; j < 6; j++)
         stiff[j][t] = k[j];
     __syncthreads();
-    for (unsigned i = t; i < (TERMS - 1) * LANES; i += BLOCK) {
-        float sum = 0.0f;
-        for (int r = 0; r < ROWS; r++)
-            sum += cost[i / LANES][r * LANES + i % LANES];
-        costs[(size_t)blockIdx.x * (TERMS - 1) * LANES + i] = sum;
-    }
+    for (unsigned i = t; i < (TERMS - 1) * LANES; i += BLOCK)
+        costs[(size_t)blockIdx.x * (TERMS - 1) * LANES + i] = sum_rows(cost[i / LANES], i % LANES);
     for (unsigned i = t; i < 6 * ROWS; i += BLOCK) {
         const unsigned row = i / 6, j = i % 6, to = blockIdx.x * ROWS + row;
         if (to >= n)
@@ -416,12 +433,8 @@ __global__ void count(const float *stretch, unsigned n_stretch, const float *cos
                 sum += costs[((size_t)b * (TERMS - 1) + term - 1) * LANES + lane];
         parts[t] = sum;
         __syncthreads();
-        if (t < LANES) {
-            sum = 0.0f;
-            for (int r = 0; r < ROWS; r++)
-                sum += parts[r * LANES + t];
-            told[term * LANES + t] = sum;
-        }
+        if (t < LANES)
+            told[term * LANES + t] = sum_rows(parts, t);
         __syncthreads();
     }
     if (t < LANES) {
@@ -469,12 +482,8 @@ __global__ void code_parts(const float *modes, const float *g, float *parts, uns
         sum += modes[(size_t)r * k + c] * g[(size_t)r * LANES + lane];
     sums[t] = sum;
     __syncthreads();
-    if (t < LANES) {
-        sum = 0.0f;
-        for (int r = 0; r < ROWS; r++)
-            sum += sums[r * LANES + t];
-        parts[(blockIdx.y * gridDim.x + c) * LANES + t] = sum;
-    }
+    if (t < LANES)
+        parts[(blockIdx.y * gridDim.x + c) * LANES + t] = sum_rows(sums, t);
 }
 
 __global__ void code_slope(const float *parts, unsigned n_parts, const float *told, float *slope, unsigned k)
@@ -584,22 +593,13 @@ __global__ void farthest(const float *moves, const float *codes, float *far, uns
     const unsigned t = threadIdx.x, v = blockIdx.x * ROWS + t / LANES, lane = t % LANES;
     most[t] = 0.0f;
     if (v < n) {
-        const float *m = moves + (size_t)3 * v * k;
-        float p[3] = {0.0f, 0.0f, 0.0f};
-        for (unsigned c = 0; c < k; c++) {
-            const float z = codes[c * LANES + lane];
-            p[0] += m[c] * z;
-            p[1] += m[k + c] * z;
-            p[2] += m[2 * k + c] * z;
-        }
+        float p[3];
+        mix(moves, codes, k, v, lane, p);
         most[t] = dot(p, p);
     }
     __syncthreads();
-    if (t == 0) {
-        for (int i = 1; i < BLOCK; i++)
-            most[0] = fmaxf(most[0], most[i]);
-        far[first + blockIdx.x] = most[0];
-    }
+    if (t == 0)
+        far[first + blockIdx.x] = most_of(most);
 }
 
 // The step size with which nothing moves farther than `limit`.
@@ -611,11 +611,8 @@ __global__ void shorten(const float *far, unsigned n, float rate, float limit, f
     for (unsigned i = t; i < n; i += BLOCK)
         most[t] = fmaxf(most[t], far[i]);
     __syncthreads();
-    if (t == 0) {
-        for (int i = 1; i < BLOCK; i++)
-            most[0] = fmaxf(most[0], most[i]);
-        out[0] = rate * fminf(limit / fmaxf(rate * sqrtf(most[0]), 1e-12f), 1.0f);
-    }
+    if (t == 0)
+        out[0] = rate * fminf(limit / fmaxf(rate * sqrtf(most_of(most)), 1e-12f), 1.0f);
 }
 
 __global__ void move(float *modes, const float *moves, const float *by, unsigned n)

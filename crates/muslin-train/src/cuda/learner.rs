@@ -13,13 +13,13 @@ use super::parts::{PARTS, Parts, TERMS};
 use super::upload::{Skins, Solver, fold_of};
 use super::{Array, Device, bits, told};
 use crate::TrainError;
-use crate::lanes::{LANES, Row};
+use crate::lanes::{LANES, Lane, Row};
 use crate::laws::G;
 use crate::pack::Pack;
 use crate::trainer::{Energies, Told, Trainer};
-use crate::training::{Training, fault, left_out};
+use crate::training::{Training, left_out};
 use crate::update::{FARTHEST, FLOOR, factors_at, inverse};
-use crate::work::PIN;
+use crate::work::{PIN, Work};
 
 /// Bodies that the device remembers, at most [bytes]; the others are told again.
 const REMEMBERED: usize = 4 << 30;
@@ -74,20 +74,17 @@ impl<'a> OnDevice<'a> {
 
     /// Tells the device what is known here.
     fn tell(&mut self) -> Result<(), CrowdError> {
-        let (host, device, learnt) = (self.host.get_mut(), &self.device, &mut self.parts.learnt);
-        let now = &mut host.now;
-        now.adam.mean.resize(now.params.len(), 0.0);
-        now.adam.square.resize(now.params.len(), 0.0);
+        let (device, learnt) = (&self.device, &mut self.parts.learnt);
+        let now = &self.host.get_mut().now;
+        // Adam remembers nothing before its first step.
+        let still = vec![0.0; now.params.len()];
+        let adam = [&now.adam.mean, &now.adam.square];
+        let [mean, square] = adam.map(|m| if m.is_empty() { &still } else { m });
         device.write(&mut learnt.params, &now.params)?;
-        device.write(&mut learnt.mean, &now.adam.mean)?;
-        device.write(&mut learnt.square, &now.adam.square)?;
+        device.write(&mut learnt.mean, mean)?;
+        device.write(&mut learnt.square, square)?;
         device.write(&mut learnt.modes, &now.modes)?;
         device.write(&mut learnt.momentum, &now.momentum)?;
-        if now.adam.steps == 0 {
-            // As it is kept before the first step.
-            (now.adam.mean, now.adam.square) = (Vec::new(), Vec::new());
-        }
-        self.parts.solver = Solver::new(device, &host.factor)?;
         self.is_stale.set(false);
         Ok(())
     }
@@ -119,12 +116,8 @@ impl<'a> OnDevice<'a> {
         }
     }
 
-    /// What the packs of a step cost, and the first vertex of them that broke; slopes stay on the device.
-    fn try_packs(
-        &mut self,
-        chosen: &[u32],
-        packs: &mut [Pack],
-    ) -> Result<Vec<(Told, Option<usize>)>, CrowdError> {
+    /// What the packs of a step cost, and which vertex of them broke; slopes stay on the device.
+    fn try_packs(&mut self, chosen: &[u32], packs: &mut [Pack]) -> Result<Vec<Work>, CrowdError> {
         for (slot, k) in chosen.iter().enumerate() {
             self.place(slot, &packs[*k as usize])?;
         }
@@ -143,7 +136,7 @@ impl<'a> OnDevice<'a> {
             let at = self.device.read(&slot.at)?;
             let faces = at.as_chunks::<LANES>().0.iter();
             packs[*k as usize].faces = faces.map(|row| row.map(f32::to_bits)).collect();
-            out.push(of(&self.device.read(&slot.told)?, n));
+            out.push(work_of(&self.device.read(&slot.told)?, n));
         }
         Ok(out)
     }
@@ -317,7 +310,7 @@ impl OnDevice<'_> {
             n as u32,
         ];
         device.over("gather", n * LANES, all)?;
-        let blocks = |n: usize| (n * LANES).div_ceil(device.block() as usize) as u32;
+        let blocks = |n: usize| device.blocks(n * LANES);
         let all = told![
             &room.stretch,
             blocks(n_faces),
@@ -460,7 +453,7 @@ impl OnDevice<'_> {
         let (solved, inverse) = (&room.solved, &room.inverse);
         let all = told![solved, places, inverse, &room.moves, k as u32, n as u32];
         device.over("lead", n_modes, all)?;
-        let blocks = (n * LANES).div_ceil(device.block() as usize) as u32;
+        let blocks = device.blocks(n * LANES);
         for (p, slot) in self.parts.slots[..packs].iter().enumerate() {
             let first = p as u32 * blocks;
             let all = told![
@@ -495,27 +488,16 @@ impl Training for OnDevice<'_> {
         let works = self.try_packs(&chosen, &mut packs);
         let host = self.host.get_mut();
         host.now.packs = packs;
-        let (works, share) = (works?, 1.0 / chosen.len() as f64);
-        let mut all = Told {
-            step: host.now.step + 1,
-            ..Told::default()
-        };
-        for (told, _) in &works {
-            all.energies.add(&told.energies, share);
-            all.under += share * told.under;
-        }
+        let works = works?;
+        let told = host.told(&works);
         host.now.step += 1;
-        let broken = works
-            .iter()
-            .find_map(|(told, broken)| Some((told, (*broken)?)));
-        if let Some((told, vertex)) = broken {
-            let fault = fault(&told.energies, vertex, host.now.step);
-            return left_out(&mut host.now.bad, fault, all);
+        if let Some(fault) = host.fault(&works) {
+            return left_out(&mut host.now.bad, fault, told);
         }
         host.now.bad = 0;
         self.is_stale.set(true);
         self.learn(works.len())?;
-        Ok(all)
+        Ok(told)
     }
 
     fn judge(&self, motion: &Motion) -> Told {
@@ -534,17 +516,19 @@ impl Training for OnDevice<'_> {
     }
 
     fn restore(&mut self, kept: &Weights) -> Result<(), TrainError> {
-        self.host.get_mut().restore(kept)?;
+        let host = self.host.get_mut();
+        host.restore(kept)?;
+        self.parts.solver = Solver::new(&self.device, &host.factor)?;
         Ok(self.tell()?)
     }
 }
 
-/// What a pack costs, and the vertex that broke.
-fn of(told: &[f32], n: usize) -> (Told, Option<usize>) {
+/// What a pack of a cloth of `n` vertices costs, and the vertex that broke.
+fn work_of(told: &[f32], n: usize) -> Work {
     let rows: &[Row] = told.as_chunks::<LANES>().0;
-    let mean = |row: &Row| row.iter().map(|x| f64::from(*x)).sum::<f64>() / LANES as f64;
-    let told_of = Told {
-        step: 0,
+    let mean = |row: &Row| Lane(*row).sum() / LANES as f64;
+    let broken = told[(TERMS + 1) * LANES];
+    Work {
         energies: Energies {
             membrane: mean(&rows[0]),
             bend: mean(&rows[1]),
@@ -554,9 +538,9 @@ fn of(told: &[f32], n: usize) -> (Told, Option<usize>) {
             inertia: 0.0,
         },
         under: mean(&rows[5]) / n as f64,
-    };
-    let broken = told[(TERMS + 1) * LANES];
-    (told_of, (broken >= 0.0).then_some(broken as usize))
+        broken: (broken >= 0.0).then_some(broken as usize),
+        ..Work::default()
+    }
 }
 
 #[cfg(test)]

@@ -123,7 +123,7 @@ impl Room {
         let (cut, k) = (&trainer.wearers[0].cut, trainer.plan.codes);
         let (n, n_faces) = (cut.n_verts(), cut.patches.len());
         let room = |n: usize| device.room(n);
-        let blocks = |n: usize| (n * LANES).div_ceil(device.block() as usize);
+        let blocks = |n: usize| device.blocks(n * LANES) as usize;
         let widest = trainer.encoder.widths.iter().max().copied().unwrap_or(1);
         Ok(Self {
             planes: room(4 * n * LANES)?,

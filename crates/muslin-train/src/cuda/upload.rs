@@ -7,6 +7,7 @@ use crate::body::Posed;
 use crate::cut::Cut;
 use crate::factor::{Factor, Sweep};
 use crate::pack::Pack;
+use crate::rows::flat;
 use crate::wearer::Wearer;
 
 /// What all wearers have in common.
@@ -23,15 +24,6 @@ pub(super) struct Cloth {
     pub weights: Array,
 }
 
-/// Where the rows start and what is in them.
-fn rows<T: Copy>(rows: &[Vec<T>]) -> (Vec<u32>, Vec<T>) {
-    let mut starts = vec![0];
-    for row in rows {
-        starts.push(starts[starts.len() - 1] + row.len() as u32);
-    }
-    (starts, rows.concat())
-}
-
 impl Cloth {
     pub fn new(device: &Device, cut: &Cut, skin: &Skin) -> Result<Self, CrowdError> {
         let mut around = vec![Vec::new(); cut.n_verts()];
@@ -40,7 +32,7 @@ impl Cloth {
                 around[*v as usize].push((3 * f + corner) as u32);
             }
         }
-        let (starts, shared) = rows(&around);
+        let (starts, shared) = flat(&around);
         let faces: Vec<u32> = cut.patches.iter().flat_map(|p| p.verts).collect();
         let mut pinned = vec![0; cut.n_verts()];
         cut.pins.iter().for_each(|v| pinned[*v as usize] = 1);
@@ -81,14 +73,12 @@ impl Worn {
             let [weft, warp, shear] = p.stretch;
             [a, b, c, d, p.area, weft, warp, shear, p.compression]
         });
-        let bend: Vec<Vec<(u32, f32)>> = (0..cut.n_verts()).map(|v| cut.bend(v).to_vec()).collect();
-        let (starts, bend) = rows(&bend);
-        let (bent, bend): (Vec<u32>, Vec<f32>) = bend.into_iter().unzip();
+        let (bent, bend): (Vec<u32>, Vec<f32>) = cut.bend.iter().copied().unzip();
         let (faces, [skin_starts, around], rim) = wearer.body.skin_faces();
         let rim: Vec<u32> = rim.iter().map(|r| u32::from(*r)).collect();
         Ok(Self {
             patches: device.put(&patches.collect::<Vec<f32>>())?,
-            bend_starts: device.put_counts(&starts)?,
+            bend_starts: device.put_counts(&cut.bend_starts)?,
             bent: device.put_counts(&bent)?,
             bend: device.put(&bend)?,
             mass: device.put(&cut.mass)?,

@@ -23,6 +23,20 @@ fn trainings<'a>(other: &'a Other) -> [Trainer<'a>; 2] {
     [CLASS.trainer(), CLASS.taught(other.lessons(&CLASS))]
 }
 
+/// The same device once more.
+fn again(device: &Device) -> Device {
+    match device {
+        Device::Emulated(d) => Device::Emulated(d.clone()),
+        #[cfg(feature = "cuda")]
+        Device::Cuda(_) => Device::cuda().expect("it was there"),
+    }
+}
+
+fn on<'a>(trainer: Trainer<'a>, device: &Device) -> OnDevice<'a> {
+    let on = OnDevice::new(trainer, again(device));
+    on.map_err(|e| e.1).expect("there is room")
+}
+
 fn bits_of(x: &[f32]) -> Vec<u32> {
     x.iter().map(|x| x.to_bits()).collect()
 }
@@ -39,24 +53,13 @@ fn a_device_learns_what_a_trainer_does() {
     let other = Other::new(&CLASS);
     for device in devices() {
         println!("on {}", device.name());
-        for mut host in trainings(&other) {
+        for (mut host, mut twin) in trainings(&other).into_iter().zip(trainings(&other)) {
             // Beyond where skin is followed, and the factor is made anew.
             while host.steps() < 3 {
                 host.step().expect("finite");
             }
-            let mut on = CLASS.taught(match host.wearers.len() {
-                1 => vec![CLASS.lesson()],
-                _ => other.lessons(&CLASS),
-            });
-            on.restore(&host.keep()).expect("the same training");
-            let same = match &device {
-                Device::Emulated(d) => Device::Emulated(d.clone()),
-                #[cfg(feature = "cuda")]
-                Device::Cuda(_) => Device::cuda().expect("it was there"),
-            };
-            let mut on = OnDevice::new(on, same)
-                .map_err(|e| e.1)
-                .expect("there is room");
+            twin.restore(&host.keep()).expect("the same training");
+            let mut on = on(twin, &device);
             assert_eq!(on.keep(), host.keep(), "nothing is learnt by moving");
             for _ in 0..4 {
                 let (a, b) = (on.step().expect("finite"), host.step().expect("finite"));
@@ -98,16 +101,7 @@ fn a_device_learns_what_a_trainer_does() {
 #[test]
 fn a_device_goes_on_to_the_same_bits() {
     for device in devices() {
-        let same = || match &device {
-            Device::Emulated(d) => Device::Emulated(d.clone()),
-            #[cfg(feature = "cuda")]
-            Device::Cuda(_) => Device::cuda().expect("it was there"),
-        };
-        let start = || {
-            OnDevice::new(CLASS.trainer(), same())
-                .map_err(|e| e.1)
-                .expect("there is room")
-        };
+        let start = || on(CLASS.trainer(), &device);
         let (mut whole, mut broken) = (start(), start());
         while broken.steps() < 2 {
             broken.step().expect("finite");
@@ -125,9 +119,7 @@ fn a_batch_that_is_not_finite_is_left_out_on_a_device_and_said() {
         let mut host = CLASS.trainer();
         // Of one vertex alone, and so that it is there from the first step on.
         host.now.modes[host.plan.codes - 1] = f32::NAN;
-        let mut on = OnDevice::new(host, device)
-            .map_err(|e| e.1)
-            .expect("there is room");
+        let mut on = on(host, &device);
         let bits = |on: &OnDevice<'_>| bits_of(&on.host.borrow().now.modes);
         let before = bits(&on);
         for _ in 0..5 {
