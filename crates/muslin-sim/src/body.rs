@@ -9,6 +9,7 @@ use muslin_geom::{Closest, Surface};
 use crate::{
     ordered,
     pattern::{Pattern, Rows},
+    rub::Rub,
     touch::Touch,
     weave::Weave,
 };
@@ -170,14 +171,11 @@ impl Body {
             weights: [1.0, 0.0, 0.0],
             face: None,
             skin: hit.point,
-            normal: hit.normal,
-            stuck: before + self.drift(hit),
+            rub: Rub::new((hit.normal, before + self.drift(hit)), 0.0, skin.stick),
             barrier: Barrier {
                 radius: skin.barrier.radius + lift,
                 ..skin.barrier
             },
-            grip: 0.0,
-            stick: skin.stick,
         }
     }
 

@@ -37,6 +37,7 @@ mod quality;
 mod refine;
 mod region;
 mod relief;
+mod rub;
 mod safe;
 mod simulate;
 mod slip;

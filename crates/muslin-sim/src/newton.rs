@@ -1,5 +1,7 @@
 //! One Newton step: assemble, solve, make sure that it descends.
 
+use std::borrow::Cow;
+
 use glam::{DMat3, DVec3, Mat3A, Vec3};
 use muslin_energy::{contact::Barrier, point};
 use rayon::prelude::*;
@@ -80,36 +82,59 @@ impl Problem<'_> {
             gradient[i as usize] += held.gradient;
             add(w.pattern.diagonal[i as usize], narrow(&held.hessian));
         }
-        touch::add(self.touches, x, &mut gradient, |touch, a, b, h| {
+        let gives = self.gives();
+        let touches = self.touching(x, &gradient, &gives);
+        touch::add(&touches, x, &mut gradient, |touch, a, b, h| {
             let (here, h) = (w.pattern.diagonal[touch.verts[a] as usize], narrow(&h));
             add(here, h);
             if let Some(f) = touch.face.filter(|_| a != b) {
                 add(w.pattern.places[f as usize][a][b], h);
             }
         });
-        let held = self.held(x, &gradient);
+        let held = self.held(x, &gradient, &gives);
         let links = pairs::add(&held, x, &self.barrier, &mut gradient);
         let matrix = Matrix::new(&w.pattern, &w.bending, blocks, links);
         (gradient, matrix, held)
     }
 
+    /// How far a force leads every vertex that nothing else holds [m/N].
+    fn gives(&self) -> Vec<f64> {
+        let time = self.step * self.step;
+        let mut gives: Vec<f64> = self.weave.mass.iter().map(|m| time / m).collect();
+        for &(i, _) in self.pins {
+            let give = &mut gives[i as usize];
+            *give /= 1.0 + self.pin * *give;
+        }
+        gives
+    }
+
+    /// How far forces lead patches of cloth [m].
+    fn ways(&self, gradient: &[DVec3], gives: &[f64]) -> Vec<DVec3> {
+        let ways = ordered::map(gradient.len(), |i| gradient[i] * -gives[i]);
+        self.weave.pattern.near.smoothed(ways, PATCHES)
+    }
+
+    /// The touches at `x` as cloth and weight [N] lead patches of cloth: who slides, or will, slides on where friction
+    /// does not hold him.
+    fn touching(&self, x: &[DVec3], gradient: &[DVec3], gives: &[f64]) -> Cow<'_, [Touch]> {
+        if self.is_calm || self.touches.iter().all(|t| t.rub.grip <= 0.0) {
+            return self.touches.into();
+        }
+        let ways = self.ways(gradient, gives);
+        let back = times(&touch::grips(self.touches, x.len()), gives);
+        let led = |k: usize| self.touches[k].led_on(x, &ways, &back);
+        ordered::map(self.touches.len(), led).into()
+    }
+
     /// The pairs at `x` as all other forces [N] lead patches of cloth: who does not push yet is let go where they lead
     /// apart, and who slides, or will, slides on where friction does not hold them.
-    fn held(&self, x: &[DVec3], gradient: &[DVec3]) -> Vec<Pair> {
+    fn held(&self, x: &[DVec3], gradient: &[DVec3], gives: &[f64]) -> Vec<Pair> {
         if self.is_calm || self.pairs.is_empty() {
             return self.pairs.to_vec();
         }
-        let time = self.step * self.step;
-        let mut give: Vec<f64> = self.weave.mass.iter().map(|m| time / m).collect();
-        for &(i, _) in self.pins {
-            let give = &mut give[i as usize];
-            *give /= 1.0 + self.pin * *give;
-        }
-        let ways = ordered::map(gradient.len(), |i| gradient[i] * -give[i]);
-        let ways = self.weave.pattern.near.smoothed(ways, PATCHES);
-        let fall = self.gravity * time;
-        let grips = pairs::grips(self.pairs, x.len());
-        let back: Vec<f64> = grips.iter().zip(&give).map(|(f, g)| f * g).collect();
+        let ways = self.ways(gradient, gives);
+        let fall = self.gravity * (self.step * self.step);
+        let back = times(&pairs::grips(self.pairs, x.len()), gives);
         ordered::map(self.pairs.len(), |k| {
             let pair = self.pairs[k].unless_parted(&ways, fall);
             pair.led_on(x, &ways, &back)
@@ -196,6 +221,10 @@ impl Problem<'_> {
     }
 }
 
+fn times(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a * b).collect()
+}
+
 /// A Newton step.
 pub(crate) struct Descent {
     /// Where it leads [m].
@@ -224,6 +253,7 @@ mod tests {
         cloth::{Cloth, Material},
         near::Near,
         pairs::Rule,
+        rub::Rub,
     };
 
     /// A crumpled square of 3 × 3 vertices over a plane, with everything that can act acting.
@@ -288,11 +318,8 @@ mod tests {
             weights: [0.5, 0.2, 0.3],
             face: Some(7),
             skin: DVec3::new(0.0, 1.0, 0.0),
-            normal: DVec3::Y,
-            stuck: x[4] + DVec3::X * 1e-4,
+            rub: Rub::new((DVec3::Y, x[4] + DVec3::X * 1e-4), 0.02, 5e-5),
             barrier,
-            grip: 0.02,
-            stick: 5e-5,
         };
         let cloth_barrier = Barrier {
             radius: 0.025,

@@ -1,14 +1,13 @@
 //! Cloth on cloth: near pairs push each other apart and rub.
 
-use glam::{DMat3, DVec3, Mat3A};
-use muslin_energy::{
-    AtPoint, contact, contact::Barrier, friction, friction::Pressed, outer, proximity,
-};
+use glam::{DVec3, Mat3A};
+use muslin_energy::{AtPoint, contact, contact::Barrier, outer, proximity};
 
 use crate::{
     matrix::{Link, narrow},
     near::Near,
     ordered,
+    rub::Rub,
 };
 
 /// A pair that is close enough to push, or will be once weight led the one to the other.
@@ -16,14 +15,8 @@ use crate::{
 pub(crate) struct Pair {
     pub verts: [u32; 4],
     pub weights: [f64; 4],
-    /// Unit vector across the gap.
-    pub normal: DVec3,
-    /// Where the gap would be if the two had stuck together since the step began [m].
-    pub stuck: DVec3,
-    pub grip: f64,
-    pub stick: f64,
-    /// Where the slide ends that all other forces lead on, as seen from there [m]; none where friction holds it back.
-    ends: Option<DVec3>,
+    /// How they rub; its normal is the unit vector across the gap.
+    pub rub: Rub,
     /// How strongly the two push, or will once weight led the one to the other [N].
     press: f64,
     /// What holds the two apart that do not push yet [N/m].
@@ -40,11 +33,7 @@ impl Pair {
         let pair = Pair {
             verts: near.verts,
             weights,
-            normal,
-            stuck: DVec3::ZERO,
-            grip: 0.0,
-            stick: rule.stick,
-            ends: None,
+            rub: Rub::new((normal, DVec3::ZERO), 0.0, rule.stick),
             press: -slope,
             soon: 0.0,
         };
@@ -68,11 +57,9 @@ impl Pair {
             // Who is only about to meet has not pushed yet.
             None => f64::from(!self.is_coming()),
         };
-        Pair {
-            stuck: self.gap(rule.from),
-            grip: self.press * rate * self.mean(rule.friction),
-            ..self
-        }
+        let grip = self.press * rate * self.mean(rule.friction);
+        let rub = Rub::new((self.normal(), self.gap(rule.from)), grip, rule.stick);
+        Pair { rub, ..self }
     }
 
     /// The mean over the two sides of what is known of vertices.
@@ -100,7 +87,7 @@ impl Pair {
     /// blow that threw them apart holds nobody. What holds up who is coming may have pulled, too; that is less than
     /// nothing [N].
     fn pushes(&self, (from, to): (&[DVec3], &[DVec3]), barrier: &Barrier) -> f64 {
-        let [gap, there] = [from, to].map(|x| self.gap(x).dot(self.normal));
+        let [gap, there] = [from, to].map(|x| self.gap(x).dot(self.normal()));
         let [[_, slope, curvature], [_, ended, _]] = [gap, there].map(|gap| barrier.at(gap));
         let seen = slope + (curvature + self.soon) * (there - gap);
         match self.is_coming() {
@@ -117,7 +104,7 @@ impl Pair {
     /// The pair, or, if the two do not push yet and the ways on which all other forces lead [m] part them by more than a
     /// little of what weight leads, without what holds it.
     pub fn unless_parted(&self, ways: &[DVec3], fall: DVec3) -> Pair {
-        let parted = self.gap(ways).dot(self.normal) > PARTING * fall.dot(self.normal).abs();
+        let parted = self.gap(ways).dot(self.normal()) > PARTING * fall.dot(self.normal()).abs();
         Pair {
             soon: if parted { 0.0 } else { self.soon },
             ..*self
@@ -127,23 +114,10 @@ impl Pair {
     /// The pair at `x` [m] with where its slide ends, if all other forces lead it farther by their `ways` than friction
     /// may hold vertices `back` [m].
     pub fn led_on(&self, x: &[DVec3], ways: &[DVec3], back: &[f64]) -> Pair {
-        let at = self.along(self.gap(x) - self.stuck);
-        let to = at + self.along(self.gap(ways));
         // Both sides are held back.
         let back = 2.0 * self.mean(back);
-        let (so_far, far) = (at.length(), to.length());
-        let gains = self.grip > 0.0 && far - back > so_far.max(self.stick);
-        // Who slides the other way must come to rest first.
-        let is_onwards = so_far < self.stick || to.dot(at) > 0.0;
-        Pair {
-            ends: (gains && is_onwards).then(|| to * (1.0 - back / far)),
-            ..*self
-        }
-    }
-
-    /// The part along the two sides.
-    fn along(&self, d: DVec3) -> DVec3 {
-        d - self.normal * self.normal.dot(d)
+        let rub = self.rub.led_on(self.gap(x), self.gap(ways), back);
+        Pair { rub, ..*self }
     }
 
     fn gap(&self, x: &[DVec3]) -> DVec3 {
@@ -153,34 +127,15 @@ impl Pair {
     fn answer(&self, x: &[DVec3], barrier: &Barrier) -> AtPoint {
         let gap = self.gap(x);
         let mut out = contact::apart(gap, barrier);
-        out.hessian += outer(self.normal * self.soon, self.normal);
-        if self.grip > 0.0 {
-            let on = Pressed {
-                normal: self.normal,
-                limit: self.grip,
-                stick: self.stick,
-            };
-            let slide = gap - self.stuck;
-            let rub = friction::slide_majorised(slide, &on);
-            out.energy += rub.energy;
-            out.gradient += rub.gradient;
-            out.hessian += match self.ends {
-                None => rub.hessian,
-                Some(ends) => self.gaining(slide, ends, &on),
-            };
-        }
+        let rub = self.rub.answer(gap);
+        out.energy += rub.energy;
+        out.gradient += rub.gradient;
+        out.hessian += rub.hessian + outer(self.normal() * self.soon, self.normal());
         out
     }
 
-    /// The stiffness of friction with which one step leads a slide to where it ends: from there on the limit holds it
-    /// back, which in motion it does already, and at rest not yet. The parabola above its energy would have it stick.
-    fn gaining(&self, slide: DVec3, ends: DVec3, on: &Pressed) -> DMat3 {
-        let whole = friction::slide_majorised(ends, on).hessian;
-        if self.along(slide).length() < self.stick {
-            return whole;
-        }
-        let along = ends.normalize_or_zero();
-        whole - outer(along * along.dot(whole * along), along)
+    fn normal(&self) -> DVec3 {
+        self.rub.normal
     }
 }
 
@@ -221,7 +176,7 @@ pub(crate) fn gripping(list: &[Near], x: &[DVec3], rule: &Rule<'_>) -> Vec<Pair>
 
 /// By how much friction may hold every one of `n` vertices back [N].
 pub(crate) fn grips(pairs: &[Pair], n: usize) -> Vec<f64> {
-    on_vertices(pairs, n, |p| pairs[p].grip)
+    on_vertices(pairs, n, |p| pairs[p].rub.grip)
 }
 
 /// The sum over the pairs of every vertex's part in the `force` of each, by its number [N].
@@ -315,53 +270,10 @@ mod tests {
     }
 
     #[test]
-    fn one_step_leads_a_slide_that_gains_to_where_it_ends_and_no_other_farther() {
-        let (x, pushed) = (over(1.4e-3), [1e-3; 4]);
-        let pair = gripping(&[NEAR], &x, &rule(&x, Some(&pushed), 0.0))[0];
-        assert!(pair.grip > 0.0);
-        let along = |d: f64| {
-            let mut ways = [DVec3::ZERO; 4];
-            ways[0] = DVec3::new(d, 5e-4, 0.0);
-            ways
-        };
-        // The upper side's weight is one, so are those of the lower sides together.
-        let back = [1e-4, 5e-5, 5e-5, 5e-5];
-        let barrier = rule(&x, None, 0.0).barrier;
-        // What friction alone does along the slide.
-        let rub = |pair: &Pair, x: &[DVec3]| {
-            let [with, without] =
-                [*pair, Pair { grip: 0.0, ..*pair }].map(|p| p.answer(x, &barrier));
-            let stiff = with.hessian - without.hessian;
-            ((with.gradient - without.gradient).x, stiff.x_axis.x)
-        };
-        let led = |x: &[DVec3], way: f64| {
-            let led = pair.led_on(x, &along(way), &back);
-            (led.ends.map(|e| e.x), rub(&led, x))
-        };
-        let (ends, (slope, k)) = led(&x, 4e-4);
-        let ends = ends.expect("it begins to slide");
-        assert!((ends - 2.5e-4).abs() < 1e-12 && slope == 0.0);
-        assert!((k * ends / pair.grip - 1.0).abs() < 1e-9);
-        let mut slid = x;
-        slid[0].x += 2e-4;
-        let (ends, (slope, k)) = led(&slid, 4e-4);
-        assert!((ends.expect("it slides on") - 4.5e-4).abs() < 1e-12);
-        assert!((slope / pair.grip - 1.0).abs() < 1e-9 && k.abs() < 1e-9 * pair.grip / 2e-4);
-        // Held back, losing, or turning round.
-        for (x, way) in [(x, 1.4e-4), (slid, 1e-4), (slid, -9e-4)] {
-            let (ends, (_, k)) = led(&x, way);
-            let (_, parabola) = rub(&pair, &x);
-            assert!(
-                ends.is_none() && k == parabola && k > 0.0,
-                "{way}: {ends:?}"
-            );
-        }
-    }
-
-    #[test]
     fn a_pair_grips_as_both_its_sides_rub_and_by_no_more_than_pushed_before() {
         let x = over(1e-3);
-        let grip = |pushed: Option<&[f64]>| gripping(&[NEAR], &x, &rule(&x, pushed, 0.0))[0].grip;
+        let grip =
+            |pushed: Option<&[f64]>| gripping(&[NEAR], &x, &rule(&x, pushed, 0.0))[0].rub.grip;
         let [_, slope, _] = rule(&x, None, 0.0).barrier.at(1e-3);
         assert!((grip(None) / (-0.4 * slope) - 1.0).abs() < 1e-9);
         // The triangle may have come from where nobody lay on it.
@@ -385,13 +297,13 @@ mod tests {
             ..rule(&x, Some(&pushed), 2.7e-3)
         };
         let pairs = gripping(&[NEAR, other], &x, &rule);
-        let grips = [pairs[0].grip, pairs[1].grip];
+        let grips = [pairs[0].rub.grip, pairs[1].rub.grip];
         let most = |k: usize| 0.3 * pushed[[0, 4][k]];
         assert!((grips[0] / most(0) - 1.0).abs() < 1e-9, "{grips:?}");
         assert!((grips[1] / most(1) - 1.0).abs() < 1e-9, "{grips:?}");
         // One vertex that two triangles hold rubs on both by no more than pushed it.
         let twice = gripping(&[NEAR, NEAR], &x, &rule);
-        assert!(((twice[0].grip + twice[1].grip) / most(0) - 1.0).abs() < 1e-9);
+        assert!(((twice[0].rub.grip + twice[1].rub.grip) / most(0) - 1.0).abs() < 1e-9);
     }
 
     #[test]
@@ -418,7 +330,7 @@ mod tests {
         assert!(Pair::at(&NEAR, &x, &rule(&x, None, 0.0)).is_none());
         let rule = rule(&x, None, 2.7e-3);
         let pair = Pair::at(&NEAR, &x, &rule).expect("it falls");
-        assert_eq!((pair.grip, pair.gap(&x).y), (0.0, 2.5e-3));
+        assert_eq!((pair.rub.grip, pair.gap(&x).y), (0.0, 2.5e-3));
         // As stiff as makes it end where the barrier would push as much.
         let [_, there, _] = rule.barrier.at(-0.2e-3);
         assert!((pair.soon * 2.7e-3 / -there - 1.0).abs() < 1e-9);

@@ -245,7 +245,7 @@ mod tests {
     use muslin_energy::contact::Barrier;
 
     use super::*;
-    use crate::{quality, testing::sheets};
+    use crate::{quality, rub::Rub, testing::sheets};
 
     /// Cloth that may stretch by 5 %, a little slack [m].
     fn slack() -> (Weave, Vec<DVec3>) {
@@ -285,11 +285,8 @@ mod tests {
             weights: [1.0, 0.0, 0.0],
             face: None,
             skin: x[66] - DVec3::Z * 1e-3,
-            normal: DVec3::Z,
-            stuck: x[66],
+            rub: Rub::new((DVec3::Z, x[66]), 0.0, 1e-4),
             barrier,
-            grip: 0.0,
-            stick: 1e-4,
         };
         let moves = moves(&weave, &x, (&[on_skin], &[])).expect("it is far beyond its limit");
         let slipped: Vec<DVec3> = x.iter().zip(&moves).map(|(x, m)| *x + *m).collect();

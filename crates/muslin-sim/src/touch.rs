@@ -5,7 +5,9 @@
 //! is signed, cloth that starts inside is pushed out by the same law.
 
 use glam::{DMat3, DVec3};
-use muslin_energy::{AtPoint, contact, contact::Barrier, friction, friction::Pressed};
+use muslin_energy::{AtPoint, contact, contact::Barrier};
+
+use crate::rub::Rub;
 
 /// A point of the cloth near the body.
 #[derive(Clone, Copy, Debug)]
@@ -17,15 +19,9 @@ pub(crate) struct Touch {
     pub face: Option<u32>,
     /// Nearest skin point at the end of the step [m].
     pub skin: DVec3,
-    /// Outward unit normal there.
-    pub normal: DVec3,
-    /// Where the cloth point would be if it had stuck to the skin [m].
-    pub stuck: DVec3,
+    /// How the two rub, from the press before the step; its normal is the skin's, outward.
+    pub rub: Rub,
     pub barrier: Barrier,
-    /// Largest friction force [N], from the press before the step.
-    pub grip: f64,
-    /// Slide that still counts as sticking [m].
-    pub stick: f64,
 }
 
 impl Touch {
@@ -36,16 +32,16 @@ impl Touch {
 
     /// Signed distance from the skin's plane [m].
     pub fn gap(&self, x: &[DVec3]) -> f64 {
-        (self.point(x) - self.skin).dot(self.normal)
+        (self.point(x) - self.skin).dot(self.rub.normal)
     }
 
     /// What a vertex that goes from one place [m] to another lacks of half its gap, if it comes from outside the skin.
     pub fn lift(&self, from: DVec3, to: DVec3) -> DVec3 {
-        let gap = (from - self.skin).dot(self.normal);
+        let gap = (from - self.skin).dot(self.rub.normal);
         let least = gap.min(0.5 * self.barrier.radius);
-        let short = least - (to - self.skin).dot(self.normal);
+        let short = least - (to - self.skin).dot(self.rub.normal);
         match gap > 0.0 && short > 0.0 {
-            true => self.normal * short,
+            true => self.rub.normal * short,
             false => DVec3::ZERO,
         }
     }
@@ -53,19 +49,20 @@ impl Touch {
     /// Energy, force and stiffness at the touching point.
     pub fn answer(&self, x: &[DVec3]) -> AtPoint {
         let p = self.point(x);
-        let mut out = contact::plane(p - self.skin, self.normal, &self.barrier);
-        if self.grip > 0.0 {
-            let on = Pressed {
-                normal: self.normal,
-                limit: self.grip,
-                stick: self.stick,
-            };
-            let rub = friction::slide_majorised(p - self.stuck, &on);
-            out.energy += rub.energy;
-            out.gradient += rub.gradient;
-            out.hessian += rub.hessian;
-        }
+        let mut out = contact::plane(p - self.skin, self.rub.normal, &self.barrier);
+        let rub = self.rub.answer(p);
+        out.energy += rub.energy;
+        out.gradient += rub.gradient;
+        out.hessian += rub.hessian;
         out
+    }
+
+    /// The touch at `x` [m] with where its slide ends, if all other forces lead vertices farther by their `ways` than
+    /// friction may hold them `back` [m].
+    pub fn led_on(&self, x: &[DVec3], ways: &[DVec3], back: &[f64]) -> Touch {
+        let back = (0..3).map(|k| back[self.verts[k] as usize] * self.weights[k]);
+        let rub = self.rub.led_on(self.point(x), self.point(ways), back.sum());
+        Touch { rub, ..*self }
     }
 
     /// The velocity `after` a step [m/s], less what the push out of the skin added to it.
@@ -78,16 +75,16 @@ impl Touch {
         (before, after): (DVec3, DVec3),
         (at, step): (DVec3, f64),
     ) -> DVec3 {
-        let skin = (self.stuck - at) / step;
-        let leaving = (after - skin).dot(self.normal);
-        let was = (before - skin).dot(self.normal).max(0.0);
-        after - self.normal * (leaving - was).max(0.0)
+        let skin = (self.rub.stuck - at) / step;
+        let leaving = (after - skin).dot(self.rub.normal);
+        let was = (before - skin).dot(self.rub.normal).max(0.0);
+        after - self.rub.normal * (leaving - was).max(0.0)
     }
 
     /// Sets the grip from the press at `x`, with Coulomb's coefficient `mu`.
     pub fn press(&mut self, x: &[DVec3], mu: f64) {
         let [_, slope, _] = self.barrier.at(self.gap(x));
-        self.grip = -slope * mu;
+        self.rub.grip = -slope * mu;
     }
 
     /// How strongly the skin pushes after a Newton step from `from` to `to`, as the step saw it [N]. The
@@ -97,6 +94,17 @@ impl Touch {
         let [_, slope, curvature] = self.barrier.at(gap);
         (-slope - curvature * (self.gap(to) - gap)).max(0.0)
     }
+}
+
+/// By how much friction may hold every one of `n` vertices back [N].
+pub(crate) fn grips(touches: &[Touch], n: usize) -> Vec<f64> {
+    let mut out = vec![0.0; n];
+    for touch in touches {
+        for (v, w) in touch.verts.iter().zip(touch.weights) {
+            out[*v as usize] += touch.rub.grip * w;
+        }
+    }
+    out
 }
 
 /// Sum of the touches' energies [J].

@@ -150,22 +150,24 @@ fn in_air_a_level_sheet_falls_as_fast_as_its_weight_and_the_wind_say() {
     }
 }
 
-/// Speed along the slope [m/s] of a sheet that slid for half a second on a level slab under a
-/// weight that leans by `angle`.
-fn slid(friction: f64, angle: f64) -> f64 {
+/// Speeds [m/s], frame after frame of a sixtieth, of a sheet that begins with `speed` along a level slab under a weight
+/// that leans by `angle`.
+fn slides_on_skin(friction: f64, speed: f64, angle: f64) -> Vec<f64> {
     let (mut cloth, mut verts) = sheet(15, 3e-3);
     cloth.materials[0].friction = friction;
     verts.iter_mut().for_each(|p| p.y = 2.97e-3);
-    let slab: Vec<DVec3> = [[-2.0, -2.0], [3.0, -2.0], [3.0, 2.0], [-2.0, 2.0]]
-        .iter()
-        .flat_map(|[x, z]| [DVec3::new(*x, 0.0, *z), DVec3::new(*x, -0.1, *z)])
-        .collect();
-    let faces = [[0, 4, 2], [0, 6, 4], [1, 3, 5], [1, 5, 7]];
+    let (slab, faces) = slab(0.0);
     let options = Options {
         gravity: DVec3::new(angle.sin(), -angle.cos(), 0.0) * 9.81,
+        air: Air::NONE,
         ..Options::default()
     };
-    velocities((&cloth, &at_rest(verts)), (&slab, &faces), (&options, 0))[29].x
+    let state = State {
+        velocities: vec![DVec3::X * speed; verts.len()],
+        ..at_rest(verts)
+    };
+    let velocities = velocities((&cloth, &state), (&slab, &faces), (&options, 0));
+    velocities.into_iter().map(|v| v.x).collect()
 }
 
 fn at_rest(verts: Vec<DVec3>) -> State {
@@ -202,13 +204,33 @@ fn velocities(
 }
 
 #[test]
-fn a_sheet_gathers_speed_in_its_own_plane_and_friction_holds_it() {
+fn cloth_slides_on_skin_as_fast_as_friction_lets_it() {
     let angle = 5f64.to_radians();
-    let free = slid(0.0, angle);
+    let free = slides_on_skin(0.0, 0.0, angle)[29];
     let want = 9.81 * angle.sin() * 0.5;
     assert!((free / want - 1.0).abs() < 0.01, "{free} for {want} m/s");
-    let held = slid(0.25, angle);
-    assert!(held < 2e-3, "{held} m/s");
+    // Where it leans by less than 16.7 degrees it stays.
+    for angle in [5.0f64, 10.0, 15.0] {
+        let speeds = slides_on_skin(0.3, 0.0, angle.to_radians());
+        assert!(speeds[29] < 2e-3, "{angle}: {speeds:?}");
+    }
+    for angle in [20.0f64, 25.0, 35.0] {
+        let angle = angle.to_radians();
+        let speeds = slides_on_skin(0.3, 0.0, angle);
+        let gained = (speeds[29] - speeds[2]) * 60.0 / 27.0;
+        let law = 9.81 * (angle.sin() - 0.3 * angle.cos());
+        assert!(
+            (gained / law - 1.0).abs() < 0.02,
+            "{gained} for {law} m/s2: {speeds:?}"
+        );
+    }
+    let thrown = slides_on_skin(0.3, 1.0, 0.0);
+    let slowed = (thrown[0] - thrown[18]) * 60.0 / 18.0;
+    assert!(
+        (slowed / (0.3 * 9.81) - 1.0).abs() < 0.1,
+        "{slowed}: {thrown:?}"
+    );
+    assert!(thrown[28].abs() < 2e-3, "{thrown:?}");
 }
 
 /// A slab whose top is at `y` [m].

@@ -418,11 +418,11 @@ impl Stage<'_> {
         if let Some(pressed) = &self.pressed {
             let grip = |t: &Touch| {
                 let v = t.verts[0] as usize;
-                t.grip.min(self.weave.friction[v] * pressed.by_skin[v])
+                t.rub.grip.min(self.weave.friction[v] * pressed.by_skin[v])
             };
-            touches.iter_mut().for_each(|t| t.grip = grip(t));
+            touches.iter_mut().for_each(|t| t.rub.grip = grip(t));
         }
-        touches.iter_mut().for_each(|t| t.grip *= self.grip);
+        touches.iter_mut().for_each(|t| t.rub.grip *= self.grip);
         for &f in &self.poked {
             for w in SAMPLES {
                 touches.extend(self.body.face_touch(self.weave, (&self.x, f, w), &skin));
