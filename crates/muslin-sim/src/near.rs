@@ -32,11 +32,16 @@ impl Near {
     /// The gap between the two at `x` [m], and its weights.
     pub fn gap(&self, x: &[DVec3]) -> (DVec3, [f64; 4]) {
         let at = self.verts.map(|v| x[v as usize]);
-        let weights = match self.is_edges {
-            true => proximity::edge_edge(&at),
-            false => proximity::vertex_triangle(&at),
-        };
+        let weights = self.weights(&at);
         (proximity::weighted(&at, &weights), weights)
+    }
+
+    /// The weights of the gap between the two whose vertices are `at` [m].
+    pub fn weights(&self, at: &[DVec3; 4]) -> [f64; 4] {
+        match self.is_edges {
+            true => proximity::edge_edge(at),
+            false => proximity::vertex_triangle(at),
+        }
     }
 
     /// Whether the way between the two at `x` [m], which is along `way`, is the way from the one sheet to the other:
