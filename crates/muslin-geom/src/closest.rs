@@ -129,7 +129,7 @@ pub struct Crossing {
 ///
 /// The side is told by angle-weighted pseudo-normals, which is exact for a closed surface
 /// without self-intersections (Bærentzen and Aanæs 2005); an open surface answers by its nearest
-/// piece.
+/// piece. [`Surface::sided`] tells it beside folds as well.
 #[derive(Clone, Debug)]
 pub struct Surface {
     faces: Vec<[u32; 3]>,
@@ -137,6 +137,8 @@ pub struct Surface {
     face_edges: Vec<[u32; 3]>,
     of_edge: Uses,
     of_vertex: Uses,
+    /// Whether every edge has two faces.
+    is_closed: bool,
     verts: Vec<DVec3>,
     bvh: Bvh,
 }
@@ -145,9 +147,11 @@ impl Surface {
     /// A surface over triangles, counter-clockwise seen from outside.
     pub fn new(verts: &[DVec3], faces: &[[u32; 3]]) -> Surface {
         let (face_edges, n_edges) = number_edges(faces);
+        let of_edge = Uses::new(n_edges, &face_edges);
         Surface {
             faces: faces.to_vec(),
-            of_edge: Uses::new(n_edges, &face_edges),
+            is_closed: (0..n_edges as u32).all(|e| of_edge.of(e).len() == 2),
+            of_edge,
             of_vertex: Uses::new(verts.len(), faces),
             face_edges,
             verts: verts.to_vec(),
@@ -231,6 +235,26 @@ impl Surface {
             point: hit.point,
             normal,
             signed,
+        }
+    }
+
+    /// What the surface answered about `p`, with the side told by how often it winds around `p` where it is closed.
+    /// Beside skin that a fold turns inside out the nearest triangle faces the wrong way, and where two parts of a
+    /// body lie in each other it may be of the one and `p` in the other.
+    pub fn sided(&self, p: DVec3, hit: Closest) -> Closest {
+        if !self.is_closed {
+            return hit;
+        }
+        let is_inside = self.winding(p) > 0;
+        if is_inside == (hit.signed < 0.0) {
+            return hit;
+        }
+        let side = if is_inside { -1.0 } else { 1.0 };
+        let away = p - hit.point;
+        Closest {
+            normal: away.try_normalize().map_or(-hit.normal, |n| n * side),
+            signed: away.length() * side,
+            ..hit
         }
     }
 
@@ -488,6 +512,36 @@ mod tests {
             assert!(surface.closest(p, 9.0).expect("near").signed > 0.0);
         }
         assert!(surface.closest(DVec3::Y, 9.0).expect("near").signed < 0.0);
+    }
+
+    #[test]
+    fn beside_a_fold_that_is_inside_out_the_side_is_still_told() {
+        // The pole of a ball is pulled down through its other side: what comes out there faces inward.
+        let mut mesh = sphere(24, 32);
+        mesh.verts[0].y = -1.4;
+        let surface = Surface::new(&mesh.verts, &mesh.faces);
+        let beside = DVec3::new(0.05, -1.35, 0.02);
+        let [below, within, above] = [-1.6, -0.9, 1.2].map(|y| DVec3::new(0.011, y, 0.007));
+        let at = |p| surface.closest(p, 9.0).expect("near");
+        assert!(at(beside).signed < 0.0, "the nearest triangle is misled");
+        let told = surface.sided(beside, at(beside));
+        assert!((told.signed + at(beside).signed).abs() < 1e-12);
+        let away = (beside - told.point).normalize();
+        assert!(told.normal.distance(away) < 1e-9 && told.point == at(beside).point);
+        for p in [below, above, DVec3::X * 0.8] {
+            let is_inside = p.length() < 1.0;
+            assert_eq!(surface.sided(p, at(p)).signed < 0.0, is_inside, "{p}");
+        }
+        // What the tip holds once more is outside, on its way through the ball as well.
+        assert_eq!(surface.winding(within), 0);
+        // An open surface has no sides but those of its triangles.
+        let open = Surface::new(&mesh.verts, &mesh.faces[1..]);
+        assert!(
+            open.sided(beside, open.at(beside, at(beside).face))
+                .signed
+                .abs()
+                > 0.0
+        );
     }
 
     #[test]

@@ -57,6 +57,9 @@ pub(crate) struct Skin {
 
 /// Depth up to which cloth inside the body is looked for [m].
 const DEEP: f64 = 0.25;
+/// Depth from which on it is asked whether that is inside at all: skin that a fold turns inside out would draw cloth to
+/// its wrong side [m].
+const DOUBTED: f64 = 1e-3;
 
 impl Body {
     pub fn new(now: Surface, n_cloth: usize) -> Body {
@@ -190,6 +193,7 @@ impl Body {
         let c = weave.corners(x, face as usize);
         let p = c[0] * weights[0] + c[1] * weights[1] + c[2] * weights[2];
         let hit = self.now.closest(p, skin.reach.max(0.03))?;
+        let hit = sure(&self.now, p, hit);
         let extra = verts
             .map(|i| self.extra[i as usize])
             .into_iter()
@@ -225,5 +229,14 @@ fn look(now: &Surface, seen: &Seen, x: DVec3, reach: f64) -> Option<Option<Close
     } else {
         reach * 2.0
     };
-    Some(now.closest_near(x, within, seen.face))
+    let hit = now.closest_near(x, within, seen.face);
+    Some(hit.map(|hit| sure(now, x, hit)))
+}
+
+/// The answer about `x`, with its side looked at again if it is said to be deep inside.
+fn sure(now: &Surface, x: DVec3, hit: Closest) -> Closest {
+    match hit.signed < -DOUBTED {
+        true => now.sided(x, hit),
+        false => hit,
+    }
 }

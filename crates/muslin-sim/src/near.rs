@@ -119,11 +119,18 @@ impl Neighbours {
         }
     }
 
-    /// Changes `moves` [m] from `x` [m] until no cloth passes through itself on the way.
+    /// Changes `moves` [m] from `x` [m] until no cloth passes through itself on the way; whether it `slides` on where it
+    /// is stopped.
     ///
     /// A changed move may lead to other pairs than those looked at, so it is looked at again; one
     /// that keeps changing is brought nearer to what all of the cloth does, in the end to just that.
-    pub fn lead(&mut self, (weave, tangled): (&Weave, &[bool]), x: &[DVec3], moves: &mut [DVec3]) {
+    pub fn lead(
+        &mut self,
+        (weave, tangled): (&Weave, &[bool]),
+        x: &[DVec3],
+        moves: &mut [DVec3],
+        slides: bool,
+    ) {
         let mean = moves.iter().sum::<DVec3>() / moves.len() as f64;
         // Between two places that the list covers it covers every place: distances shrink by what
         // pairs go against each other, and that is linear in time.
@@ -144,7 +151,7 @@ impl Neighbours {
                 }
                 self.gather(tangled);
             }
-            if !make_safe(&self.list, x, moves) {
+            if !make_safe(&self.list, x, moves, slides) {
                 self.held = (there, within);
                 return;
             }
@@ -287,7 +294,8 @@ impl Neighbours {
     }
 }
 
-fn sum(x: &[DVec3], moves: &[DVec3]) -> Vec<DVec3> {
+/// Where everything is after its move [m].
+pub(crate) fn sum(x: &[DVec3], moves: &[DVec3]) -> Vec<DVec3> {
     x.iter().zip(moves).map(|(x, m)| *x + *m).collect()
 }
 
@@ -537,7 +545,7 @@ mod tests {
         for step in 0..steps {
             let mut moves: Vec<DVec3> =
                 x.iter().enumerate().map(|(v, p)| by(step, v, *p)).collect();
-            near.lead((&weave, &vec![false; x.len()]), &x, &mut moves);
+            near.lead((&weave, &vec![false; x.len()]), &x, &mut moves, true);
             x = sum(&x, &moves);
             met += holds(&mut near, &weave, &x);
         }

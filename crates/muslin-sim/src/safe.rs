@@ -2,9 +2,9 @@
 //!
 //! Every near pair is followed along its own relative motion. Where a pair would come too close, what
 //! brings it there is taken from its moves, and nothing of how it slides; then all pairs are followed
-//! again, until none objects. Pairs that keep objecting are led towards what their four vertices do in
-//! common, which never brings them together, and grow into zones that move as one at last (the impact
-//! zones of Provot 1997, without their rotation).
+//! again, until none objects. Pairs that keep objecting, and those of cloth that is to come to rest, are
+//! led towards what their four vertices do in common, which never brings them together, and grow into
+//! zones that move as one at last (the impact zones of Provot 1997, without their rotation).
 
 use glam::DVec3;
 use muslin_energy::proximity;
@@ -18,8 +18,10 @@ const PARTED: usize = 6;
 const LED: usize = 6;
 const ZONES: usize = 40;
 
-/// Changes `moves` [m] from `x` [m] until no pair passes through itself; says whether it had to.
-pub(crate) fn make_safe(pairs: &[Near], x: &[DVec3], moves: &mut [DVec3]) -> bool {
+/// Changes `moves` [m] from `x` [m] until no pair passes through itself; says whether it had to. Cloth that moves `slides`
+/// on where it is stopped; cloth that is to come to rest does not.
+pub(crate) fn make_safe(pairs: &[Near], x: &[DVec3], moves: &mut [DVec3], slides: bool) -> bool {
+    let parted = if slides { PARTED } else { 0 };
     let mut zones = Zones::new(x.len());
     // A pair of which nothing changed since it was asked would say the same again; one that rests has nothing to say.
     let mut changed: Vec<bool> = moves.iter().map(|m| *m != DVec3::ZERO).collect();
@@ -28,11 +30,11 @@ pub(crate) fn make_safe(pairs: &[Near], x: &[DVec3], moves: &mut [DVec3]) -> boo
         if objections.is_empty() {
             return round > 0;
         }
-        if round < PARTED {
+        if round < parted {
             part(pairs, &objections, x, (moves, &mut changed));
-        } else if round < PARTED + LED {
+        } else if round < parted + LED {
             lead(pairs, &objections, (moves, &mut changed));
-        } else if round < PARTED + LED + ZONES {
+        } else if round < parted + LED + ZONES {
             changed.fill(false);
             for (k, _) in objections {
                 let verts = pairs[k].verts;
@@ -201,10 +203,7 @@ fn share(pair: &Near, x: &[DVec3], moves: &[DVec3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn sum(x: &[DVec3], moves: &[DVec3]) -> Vec<DVec3> {
-        x.iter().zip(moves).map(|(x, m)| *x + *m).collect()
-    }
+    use crate::near::sum;
 
     #[test]
     fn a_blocked_vertex_still_goes_where_everybody_goes() {
@@ -220,7 +219,7 @@ mod tests {
             verts: [0, 1, 2, 3],
             is_edges: false,
         };
-        assert!(make_safe(&[pair], &x, &mut moves));
+        assert!(make_safe(&[pair], &x, &mut moves, true));
         assert!(moves.iter().all(|m| (m.x - 3.0).abs() < 1e-9), "{moves:?}");
         assert!(moves[0].y - moves[1].y > -0.01);
     }
@@ -234,20 +233,20 @@ mod tests {
             DVec3::new(0.3, 0.0, -0.3),
             DVec3::new(0.0, 0.0, 0.3),
         ];
-        let mut moves = [
-            DVec3::new(2e-3, -3e-3, 0.0),
-            DVec3::ZERO,
-            DVec3::ZERO,
-            DVec3::ZERO,
-        ];
+        let [none, fall] = [DVec3::ZERO, DVec3::new(2e-3, -3e-3, 0.0)];
         let pair = Near {
             verts: [0, 1, 2, 3],
             is_edges: false,
         };
-        assert!(make_safe(&[pair], &x, &mut moves));
-        assert!((moves[0].x - 2e-3).abs() < 1e-6, "{moves:?}");
-        let gap = pair.gap(&sum(&x, &moves)).0;
-        assert!(gap.y > 2e-4 && gap.y < 1e-3, "{gap}");
+        // On its way to rest it does not.
+        for (slides, least, most) in [(true, 1.999e-3, 2.001e-3), (false, 0.0, 1.5e-3)] {
+            let mut moves = [fall, none, none, none];
+            assert!(make_safe(&[pair], &x, &mut moves, slides));
+            let slid = moves[0].x - moves[1].x;
+            assert!(slid > least && slid < most, "{moves:?}");
+            let gap = pair.gap(&sum(&x, &moves)).0;
+            assert!(gap.y > 2e-4 && gap.y < 1e-3, "{gap}");
+        }
     }
 
     #[test]
@@ -274,7 +273,7 @@ mod tests {
             .collect();
         let all = vec![true; x.len()];
         assert!(objections(&pairs, &all, (&x, &moves)).len() > 20);
-        assert!(make_safe(&pairs, &x, &mut moves));
+        assert!(make_safe(&pairs, &x, &mut moves, true));
         assert_eq!(objections(&pairs, &all, (&x, &moves)), []);
     }
 }

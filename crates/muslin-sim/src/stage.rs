@@ -263,9 +263,8 @@ impl<'a> Stage<'a> {
         self.body.advance(frame);
         self.before.clone_from(&self.x);
         let x = &self.x;
-        self.go(ordered::map(x.len(), |i| {
-            motions[i].transform_point3(x[i]) - x[i]
-        }));
+        let moves = ordered::map(x.len(), |i| motions[i].transform_point3(x[i]) - x[i]);
+        self.go(moves, false);
     }
 
     pub fn find_tangles(&mut self) {
@@ -452,17 +451,17 @@ impl<'a> Stage<'a> {
     /// without passing through itself. There both are at rest.
     pub fn lead(&mut self, frame: &[DVec3], moves: Vec<DVec3>) {
         self.body.advance(frame);
-        self.go(moves);
+        self.go(moves, false);
         self.before.clone_from(&self.x);
         self.v.fill(DVec3::ZERO);
         self.past = None;
         self.body.stand();
     }
 
-    /// Moves the cloth along `moves` [m], as far as it can go without passing through itself.
-    fn go(&mut self, mut moves: Vec<DVec3>) {
+    /// Moves the cloth along `moves` [m], as far as it can go without passing through itself; whether it `slides` on there.
+    fn go(&mut self, mut moves: Vec<DVec3>, slides: bool) {
         let cloth = (self.weave, &self.tangled[..]);
-        self.near.lead(cloth, &self.x, &mut moves);
+        self.near.lead(cloth, &self.x, &mut moves, slides);
         self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
     }
 

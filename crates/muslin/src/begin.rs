@@ -176,8 +176,8 @@ impl<'p> Parting<'p> {
 fn lost(skin: &Surface, x: &[DVec3]) -> usize {
     let [depth, far] = LOST;
     let is_lost = |p: &&DVec3| {
-        skin.closest(**p, far)
-            .is_some_and(|hit| hit.signed < -depth)
+        let hit = skin.closest(**p, far);
+        hit.is_some_and(|hit| skin.sided(**p, hit).signed < -depth)
     };
     x.par_iter().filter(is_lost).count()
 }

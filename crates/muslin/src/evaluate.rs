@@ -3,8 +3,9 @@
 //! Energies are those of one reference cloth (the material that SNUG, Santesteban et al. 2022,
 //! trains with): isotropic, E = 70 kPa, ν = 0.485, 0.47 mm thick, 426 kg/m³, bending fifty times
 //! that of the plate. So figures compare cloths of different makers, not fabrics. Areas are true
-//! areas, folds have a sign, and sides of the body are told by pseudo-normals of triangles.
-//! Intersections are decided by exact predicates. Non-finite frames are counted and left out.
+//! areas, folds have a sign, and the side of a closed body is told by how often it winds around a
+//! point (of an open one by pseudo-normals). Intersections are decided by exact predicates.
+//! Non-finite frames are counted and left out.
 
 mod contact;
 mod frame;

@@ -110,7 +110,7 @@ impl Stage<'_> {
             }
             let way = self.way(h, pace);
             if way.target != way.from {
-                self.go(way.drift());
+                self.go(way.drift(), !way.is_calm);
             }
             if let Some(met) = self.newton(&way, pace) {
                 self.finish_step((way, met), h, pace);
@@ -189,7 +189,7 @@ impl Stage<'_> {
         }
         let pressed = (!pace.smooth).then(|| {
             let by_cloth = pairs::pushes(&led.pairs, (&from, &self.x), &self.barrier());
-            self.slip(again.as_ref().unwrap_or(&first));
+            self.slip(again.as_ref().unwrap_or(&first), true);
             Press {
                 by_skin: pressed,
                 by_cloth,
@@ -203,7 +203,7 @@ impl Stage<'_> {
     }
 
     /// Lets what is wedged slip, so that less of it is beyond its limit, for as long as that comes of it.
-    fn slip(&mut self, touches: &[Touch]) {
+    fn slip(&mut self, touches: &[Touch], slides: bool) {
         self.wedged = true;
         let (mut last, mut stuck) = (f64::INFINITY, 0);
         for _ in 0..SLIPS {
@@ -212,7 +212,7 @@ impl Stage<'_> {
                 return;
             };
             // Where pieces of cloth are in each other's way, a move goes only a small part of its way.
-            self.go(moves);
+            self.go(moves, slides);
             let beyond = quality::excess(self.weave, &self.x);
             stuck = if beyond < SLIPPING * last {
                 0
@@ -229,7 +229,7 @@ impl Stage<'_> {
     /// Lets cloth at rest slip back to its limit.
     pub fn slip_at_rest(&mut self) {
         let touches = self.touches(self.options.step);
-        self.slip(&touches);
+        self.slip(&touches, false);
     }
 
     /// How strongly skin pushes every vertex after a Newton step from `from` [N].
@@ -263,7 +263,7 @@ impl Stage<'_> {
         let Descent { moves, fell, pairs } = self.solve(on, met, known)?;
         let mut lengths: Vec<f64> = moves.iter().map(|m| m.length()).collect();
         let [most, farthest] = [0.98, 1.0].map(|share| quality::percentile(&mut lengths, share));
-        self.go(moves);
+        self.go(moves, !on.0.is_calm);
         Some(Led {
             most,
             farthest,
@@ -323,7 +323,7 @@ impl Stage<'_> {
         let near = &self.weave.pattern.near;
         let alike = near.smoothed(way.drift(), ALIKE);
         self.x.clone_from(&way.from);
-        self.go(alike);
+        self.go(alike, !way.is_calm);
         let pairs = self.pairs((way, pace));
         let problem = self.problem(way, (touches, &pairs, &pins));
         let energy = problem.energy(&self.x);

@@ -410,9 +410,8 @@ pub(crate) fn predict(
         let skin = set.skin(set.moving.lead + k);
         let surface = Surface::new(&skin, set.avatar.collision_faces());
         let inside = |p: &&DVec3| {
-            surface
-                .closest(**p, 0.05)
-                .is_some_and(|hit| hit.signed < 0.0)
+            let hit = surface.closest(**p, 0.05);
+            hit.is_some_and(|hit| surface.sided(**p, hit).signed < 0.0)
         };
         frames[k].iter().filter(inside).count()
     };

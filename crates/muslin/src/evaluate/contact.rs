@@ -38,7 +38,10 @@ pub fn clearance(clip: &Clip, t: usize) -> Vec<f64> {
         return Vec::new();
     };
     let skin = Surface::new(body, &clip.body_faces);
-    let signed = |x: &DVec3| skin.closest(*x, FAR).map_or(f64::INFINITY, |c| c.signed);
+    let signed = |x: &DVec3| {
+        let hit = skin.closest(*x, FAR);
+        hit.map_or(f64::INFINITY, |hit| skin.sided(*x, hit).signed)
+    };
     clip.drape.frames[t].iter().map(signed).collect()
 }
 
