@@ -240,3 +240,37 @@ fn sure(now: &Surface, x: DVec3, hit: Closest) -> Closest {
         false => hit,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn skin_that_a_fold_turns_inside_out_draws_nobody_to_its_wrong_side() {
+        // A top whose upper tip is pulled down through its lower one.
+        let around = [DVec3::X, DVec3::Z, -DVec3::X, -DVec3::Z];
+        let shoulder = around.map(|p| p * 0.3 + DVec3::Y * 0.7);
+        let tips = [DVec3::Y * -1.4, -DVec3::Y];
+        let verts = [&around[..], &shoulder[..], &tips[..]].concat();
+        let sides = (0..4_u32).map(|i| (i, (i + 1) % 4));
+        let faces: Vec<[u32; 3]> = sides
+            .flat_map(|(a, b)| {
+                [
+                    [a, a + 4, b],
+                    [b, a + 4, b + 4],
+                    [a + 4, 8, b + 4],
+                    [a, b, 9],
+                ]
+            })
+            .collect();
+        let skin = Surface::new(&verts, &faces);
+        let hit = |p: DVec3| skin.closest(p, 9.0).expect("near");
+        let beside = DVec3::new(0.1, -1.3, 0.05);
+        assert!(hit(beside).signed < -DOUBTED, "the nearest face is misled");
+        let told = sure(&skin, beside, hit(beside));
+        assert!(told.signed > 0.0 && told.normal.dot(beside - told.point) > 0.0);
+        let within = DVec3::new(0.5, -0.2, 0.01);
+        assert_eq!(sure(&skin, within, hit(within)), hit(within));
+        assert!(hit(within).signed < -DOUBTED);
+    }
+}
