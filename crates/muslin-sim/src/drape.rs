@@ -11,7 +11,7 @@ use crate::{
     clean,
     cloth::{Cloth, SimError, finite, same},
     dents::AROUND,
-    loosen::{Lie, faults, let_go},
+    loosen::{Lie, beyond, faults, let_go},
     quality::{self, Settled},
     relief::{Frame, relieve_path},
     stage::{CALM_ROUNDS, Pace, Stage, TORN, part_way},
@@ -163,7 +163,7 @@ fn drape_inside(
         go_on,
     };
     match job.best()? {
-        Attempted::Lies(_, settled) => Ok(settled),
+        Attempted::Lies(.., settled) => Ok(settled),
         Attempted::GivenUp(beyond) => Err(SimError::TooTight(beyond)),
     }
 }
@@ -192,7 +192,9 @@ enum Attempt {
     Sliding,
     /// The body gives way by more and thin parts are watched, but cloth keeps its grip: what hands lean on stays.
     Gripping,
-    /// The same, in half steps of the body: for cloth that all others tore on the way.
+    /// As sliding, and cloth slides on where cloth stops it: bunched cloth comes through folds less stretched.
+    Parting,
+    /// As gripping, in half steps of the body: for cloth that all others tore on the way.
     Slow,
 }
 
@@ -201,19 +203,23 @@ type Outcome = ([bool; 3], Settled);
 
 /// What came of a drape.
 enum Attempted {
-    /// How bad cloth lies, and how.
-    Lies([bool; 3], Settled),
+    /// How bad cloth lies, how far one face in a hundred is beyond its limit, and how it lies.
+    Lies([bool; 3], f64, Settled),
     /// By how much one face in a hundred was beyond its limit where it was given up.
     GivenUp(f64),
 }
 
 impl Attempted {
-    /// What is least is best.
-    fn badness(&self) -> (bool, [bool; 3]) {
+    /// What is least is best; of what is as bad, what stretches least.
+    fn badness(&self) -> (bool, [bool; 3], f64) {
         match self {
-            Self::Lies(faults, _) => (false, *faults),
-            Self::GivenUp(_) => (true, [true; 3]),
+            Self::Lies(faults, beyond, _) => (false, *faults, *beyond),
+            Self::GivenUp(beyond) => (true, [true; 3], *beyond),
         }
+    }
+
+    fn is_faultless(&self) -> bool {
+        matches!(self, Self::Lies([false, false, false], ..))
     }
 }
 
@@ -221,8 +227,13 @@ impl Job<'_> {
     /// The first attempt without fault, or the least bad of all, where there may be more than one.
     fn best(&self) -> Result<Attempted, SimError> {
         let mut best = self.attempt(Attempt::First)?;
-        for attempt in [Attempt::Sliding, Attempt::Gripping, Attempt::Slow] {
-            if best.badness() == (false, [false; 3]) || !self.options.again {
+        for attempt in [
+            Attempt::Sliding,
+            Attempt::Gripping,
+            Attempt::Parting,
+            Attempt::Slow,
+        ] {
+            if best.is_faultless() || !self.options.again {
                 break;
             }
             if attempt == Attempt::Slow && matches!(best, Attempted::Lies(..)) {
@@ -249,10 +260,11 @@ impl Job<'_> {
         if careful {
             stage.watch_thin(&path[0].cores);
         }
-        if attempt == Attempt::Sliding {
+        if matches!(attempt, Attempt::Sliding | Attempt::Parting) {
             stage.watch_met();
             stage.grip = SLIPPERY;
         }
+        stage.slides = attempt == Attempt::Parting;
         for _ in 0..options.first_steps {
             stage.step(&Pace::calm(options.step, 0.5))?;
         }
@@ -279,7 +291,8 @@ impl Job<'_> {
         let lies = let_go((&mut stage, converged), (self.cloth, &body, &firm), tugs)?;
         let (faults, best) = self.finished(&mut stage, &lies, &body)?;
         let yielded = relief.deepest + best.yielded;
-        Ok(Attempted::Lies(faults, Settled { yielded, ..best }))
+        let beyond = beyond(self.cloth, &best.verts);
+        Ok(Attempted::Lies(faults, beyond, Settled { yielded, ..best }))
     }
 
     /// The first way to lie that ends without fault, or the one whose faults are least.

@@ -74,7 +74,7 @@ pub(crate) fn faults(cloth: &Cloth, settled: &Settled) -> [bool; 3] {
 
 /// What one face in a hundred of some material stretches by at least, less its limit: the
 /// material's for which that is most.
-fn beyond(cloth: &Cloth, x: &[DVec3]) -> f64 {
+pub(crate) fn beyond(cloth: &Cloth, x: &[DVec3]) -> f64 {
     let all = stretch(&cloth.faces, &cloth.rest, x);
     let limits = cloth.materials.iter().map(|m| m.limit).enumerate();
     let beyond = |(k, limit): (usize, f64)| {

@@ -61,6 +61,8 @@ pub(crate) struct Stage<'a> {
     wedged: bool,
     /// Share of the skin's friction that counts.
     pub grip: f64,
+    /// Whether cloth that is to come to rest slides on where it is stopped, too.
+    pub slides: bool,
     pub steps: usize,
 }
 
@@ -147,6 +149,7 @@ impl<'a> Stage<'a> {
             met: None,
             wedged: false,
             grip: 1.0,
+            slides: false,
             steps: 0,
             weave,
             options,
@@ -461,6 +464,7 @@ impl<'a> Stage<'a> {
     /// Moves the cloth along `moves` [m], as far as it can go without passing through itself; whether it `slides` on there.
     fn go(&mut self, mut moves: Vec<DVec3>, slides: bool) {
         let cloth = (self.weave, &self.tangled[..]);
+        let slides = slides || self.slides;
         self.near.lead(cloth, &self.x, &mut moves, slides);
         self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
     }
