@@ -536,12 +536,8 @@ mod tests {
         assert_eq!(surface.winding(within), 0);
         // An open surface has no sides but those of its triangles.
         let open = Surface::new(&mesh.verts, &mesh.faces[1..]);
-        assert!(
-            open.sided(beside, open.at(beside, at(beside).face))
-                .signed
-                .abs()
-                > 0.0
-        );
+        let hit = open.closest(beside, 9.0).expect("near");
+        assert!(hit.signed < 0.0 && open.sided(beside, hit) == hit);
     }
 
     #[test]
