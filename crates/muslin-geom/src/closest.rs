@@ -258,6 +258,12 @@ impl Surface {
         }
     }
 
+    /// How far `p` is from the surface, if that is less than `within` [m]: negative inside, as [`Surface::sided`] tells it.
+    pub fn signed(&self, p: DVec3, within: f64) -> Option<f64> {
+        let hit = self.closest(p, within)?;
+        Some(self.sided(p, hit).signed)
+    }
+
     fn pseudo_normal(&self, face: u32, w: [f64; 3]) -> DVec3 {
         let f = face as usize;
         let zero = w.map(|x| x <= 0.0);
@@ -531,6 +537,7 @@ mod tests {
         for p in [below, above, DVec3::X * 0.8] {
             let is_inside = p.length() < 1.0;
             assert_eq!(surface.sided(p, at(p)).signed < 0.0, is_inside, "{p}");
+            assert_eq!(surface.signed(p, 9.0), Some(surface.sided(p, at(p)).signed));
         }
         // What the tip holds once more is outside, on its way through the ball as well.
         assert_eq!(surface.winding(within), 0);

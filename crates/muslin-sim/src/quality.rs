@@ -112,8 +112,7 @@ impl Settled {
         let of = |f: usize| largest(&weave.patches[f].rest.deformation(&weave.corners(&verts, f)));
         let mut stretch = ordered::map(weave.faces.len(), of);
         let inside = ordered::map(verts.len(), |i| {
-            let hit = skin.closest(verts[i], 0.05);
-            usize::from(hit.is_some_and(|hit| skin.sided(verts[i], hit).signed < 0.0))
+            usize::from(skin.signed(verts[i], 0.05).is_some_and(|d| d < 0.0))
         });
         Settled {
             energies: energies(weave, &verts),

@@ -175,10 +175,7 @@ impl<'p> Parting<'p> {
 /// How many vertices of the cloth at `x` [m] lie deep in a body.
 fn lost(skin: &Surface, x: &[DVec3]) -> usize {
     let [depth, far] = LOST;
-    let is_lost = |p: &&DVec3| {
-        let hit = skin.closest(**p, far);
-        hit.is_some_and(|hit| skin.sided(**p, hit).signed < -depth)
-    };
+    let is_lost = |p: &&DVec3| skin.signed(**p, far).is_some_and(|d| d < -depth);
     x.par_iter().filter(is_lost).count()
 }
 

@@ -409,10 +409,7 @@ pub(crate) fn predict(
     let count = |&k: &usize| {
         let skin = set.skin(set.moving.lead + k);
         let surface = Surface::new(&skin, set.avatar.collision_faces());
-        let inside = |p: &&DVec3| {
-            let hit = surface.closest(**p, 0.05);
-            hit.is_some_and(|hit| surface.sided(**p, hit).signed < 0.0)
-        };
+        let inside = |p: &&DVec3| surface.signed(**p, 0.05).is_some_and(|d| d < 0.0);
         frames[k].iter().filter(inside).count()
     };
     let inside: usize = looked.par_iter().map(count).sum();

@@ -38,10 +38,7 @@ pub fn clearance(clip: &Clip, t: usize) -> Vec<f64> {
         return Vec::new();
     };
     let skin = Surface::new(body, &clip.body_faces);
-    let signed = |x: &DVec3| {
-        let hit = skin.closest(*x, FAR);
-        hit.map_or(f64::INFINITY, |hit| skin.sided(*x, hit).signed)
-    };
+    let signed = |x: &DVec3| skin.signed(*x, FAR).unwrap_or(f64::INFINITY);
     clip.drape.frames[t].iter().map(signed).collect()
 }
 
