@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use muslin::bench::Trials;
 use muslin::{
-    AnimateOptions, Backdrop, Bake, Cut, DressOptions, Person, Place, SimulateOptions, Size,
-    System, TrainOptions, Wear,
+    Against, AnimateOptions, Backdrop, Bake, Cut, DressOptions, Person, Place, SimulateOptions,
+    Size, System, TrainOptions, Wear,
 };
 
 /// Dresses any body in moving cloth: from a photo to a 3D figure wearing draped garments.
@@ -39,6 +39,8 @@ pub enum Verb {
         #[arg(long)]
         json: bool,
     },
+    /// Say what files are, and whether garments, bodies, motions, fabrics, models and photos can be used.
+    Check(Check),
     /// Judge animated cloth: energies, stretch, penetration, crossings, drift.
     Evaluate(Evaluate),
     /// Print the figures of merit, measured on this machine.
@@ -328,6 +330,9 @@ pub struct Train {
     /// (`--features cuda`) and there is one, else on the cores.
     #[arg(long, value_enum, default_value_t = DeviceName::Auto)]
     pub device: DeviceName,
+    /// Also draw the garment in four of the poses every so many steps: OUT.STEP.png.
+    #[arg(long, value_name = "STEPS")]
+    pub picture: Option<u64>,
     /// Go on with a training that was stopped.
     #[arg(long)]
     pub resume: bool,
@@ -464,24 +469,75 @@ fn character(body: &Path) -> Option<PathBuf> {
     (body.as_os_str() != OWN).then(|| body.to_owned())
 }
 
+/// Options of `check`.
+#[derive(Debug, Args)]
+pub struct Check {
+    /// Garments (.obj, .json), fabrics (.toml, .u3m), motions (.bvh, .npz), characters (.glb, .gltf, .vrm), trained
+    /// garments (.muslin), photos and animated cloth.
+    #[arg(required = true)]
+    pub files: Vec<PathBuf>,
+    /// Who is to wear the garments and move as the motions say: our own body, or a character.
+    #[arg(long, value_name = "anny|FILE", default_value = OWN)]
+    pub body: PathBuf,
+    /// Whose body, if it is our own.
+    #[command(flatten)]
+    pub build: Build,
+    /// Triangle edge of the garments [mm], 5 to 25.
+    #[arg(long, default_value_t = 12.0)]
+    pub edge: f64,
+    /// How it is told.
+    #[command(flatten)]
+    pub telling: Telling,
+}
+
+impl Check {
+    /// Who wears and moves it, and how finely garments are cut.
+    pub fn options(&self) -> DressOptions {
+        self.build.of(DressOptions {
+            body: character(&self.body),
+            edge: self.edge / 1000.0,
+            ..DressOptions::default()
+        })
+    }
+}
+
 /// Options of `evaluate`.
 #[derive(Debug, Args)]
 pub struct Evaluate {
     /// GLB, NPZ in the exchange layout, PC2 with its OBJ beside it, or a folder of these.
     pub file: PathBuf,
-    /// The same cloth and motion by somebody else, as a rule the simulator: distances and energies
-    /// are told against it.
-    #[arg(long)]
+    /// Whom distances and energies are told against: our solver at rest in single frames, our simulator on the file's
+    /// body, or a file of the same cloth and motion.
+    #[arg(long, value_name = "minimiser|simulator|FILE")]
     pub against: Option<PathBuf>,
+    /// What minimiser and simulator take the cloth to be made of [default: what the file says, else
+    /// paper-snug-cotton].
+    #[arg(long)]
+    pub fabric: Option<String>,
+    /// Frames, evenly spread, that are led to the minimiser; 0 for all of them.
+    #[arg(long, default_value_t = 9)]
+    pub samples: usize,
     /// Where the report goes [default: beside the file, as NAME.evaluation.json].
     #[arg(short, long)]
     pub out: Option<PathBuf>,
     /// Also write energies, stretch, penetration and crossings of every frame.
     #[arg(long, value_name = "FILE.csv")]
     pub frames: Option<PathBuf>,
-    /// Print the report on standard output instead of the table.
-    #[arg(long)]
-    pub json: bool,
+    #[command(flatten)]
+    pub telling: Telling,
+}
+
+impl Evaluate {
+    /// Whom the file is held against; a file that is called like the solver is named with its folder.
+    pub fn against(&self) -> Option<Against> {
+        let path = self.against.as_ref()?;
+        let n = (self.samples > 0).then_some(self.samples);
+        Some(match path.to_str() {
+            Some("minimiser") => Against::Minimiser(n),
+            Some("simulator") => Against::Simulator,
+            _ => Against::File(path.clone()),
+        })
+    }
 }
 
 /// Options of `bench`.
@@ -672,6 +728,7 @@ impl Train {
             seed: self.seed,
             rate: self.rate,
             device: self.device.into(),
+            picture: self.picture,
             resume: self.resume,
         }
     }

@@ -29,6 +29,9 @@ pub fn run(verb: &Verb) -> Result<(), Failure> {
         Verb::Train(t) => train(t),
         Verb::Animate(a) => animate(a),
         Verb::List { what, json } => list(*what, *json),
+        Verb::Check(c) => watched(&c.telling, |watch| {
+            muslin::check(&c.files, &c.options(), watch)
+        }),
         Verb::Evaluate(e) => evaluate(e),
         Verb::Bench(b) => bench(b),
     }
@@ -156,11 +159,10 @@ fn list(what: Kind, json: bool) -> Result<(), Failure> {
 
 fn evaluate(e: &Evaluate) -> Result<(), Failure> {
     let to = (e.out.as_deref(), e.frames.as_deref());
-    let outcome = muslin::evaluate_file(&e.file, e.against.as_deref(), to)?;
-    print(if e.json {
-        &outcome.json
-    } else {
-        &outcome.table
+    let against = e.against();
+    let whom = (against.as_ref(), e.fabric.as_deref());
+    watched(&e.telling, |watch| {
+        muslin::evaluate_file(&e.file, whom, to, watch)
     })
 }
 

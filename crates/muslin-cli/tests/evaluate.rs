@@ -110,3 +110,95 @@ fn bad_files_end_with_their_code_a_hint_and_no_report() {
             == 0
     );
 }
+
+#[test]
+fn the_solver_is_somebody_to_hold_a_file_against() {
+    let folder = Folder::new("solver");
+    let ball = Array::f32(
+        &[4, 6, 3],
+        (0..4)
+            .flat_map(|_| {
+                let tip = |k: usize, s: f32| {
+                    let mut tip = [0.05, 1.5, 0.05];
+                    tip[k] += s;
+                    tip
+                };
+                [
+                    (0, 0.2),
+                    (0, -0.2),
+                    (1, 0.2),
+                    (1, -0.2),
+                    (2, 0.2),
+                    (2, -0.2),
+                ]
+                .into_iter()
+                .flat_map(move |(k, s)| tip(k, s))
+            })
+            .collect(),
+    );
+    let sides: [[i64; 3]; 8] = [
+        [2, 4, 0],
+        [2, 0, 5],
+        [2, 5, 1],
+        [2, 1, 4],
+        [3, 0, 4],
+        [3, 5, 0],
+        [3, 1, 5],
+        [3, 4, 1],
+    ];
+    let corners = |t: usize| {
+        (0..4).flat_map(move |k: usize| {
+            [
+                (k % 2) as f32 * 0.1,
+                1.72 + 0.01 * t as f32,
+                (k / 2) as f32 * 0.1,
+            ]
+        })
+    };
+    let arrays = [
+        (
+            "cloth",
+            Array::f32(&[4, 4, 3], (0..4).flat_map(corners).collect()),
+        ),
+        ("faces", Array::int(&[2, 3], vec![0, 2, 1, 1, 2, 3])),
+        ("fps", Array::number(30.0)),
+        ("body", ball),
+        (
+            "body_faces",
+            Array::int(&[8, 3], sides.as_flattened().to_vec()),
+        ),
+        ("fabric", Array::text(vec!["denim".into()])),
+    ];
+    let file = folder.put("lies.npz", &write(&arrays).expect("finite"));
+    for (whom, fabric, want) in [
+        ("minimiser", None, "\"fabric\": \"denim\""),
+        (
+            "simulator",
+            Some("silk-charmeuse"),
+            "\"fabric\": \"silk-charmeuse\"",
+        ),
+    ] {
+        let mut args = vec![&file[..], "--against", whom, "--samples", "2", "--json"];
+        args.extend(fabric.iter().flat_map(|f| ["--fabric", f]));
+        let out = evaluate(&args);
+        let json = String::from_utf8_lossy(&out.stdout).into_owned();
+        let errors = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(0), "{errors}");
+        for part in [
+            want,
+            &format!("\"by\": \"{whom}\""),
+            "\"energy_gap_J\"",
+            "\"distance_p95_mm\"",
+        ] {
+            assert!(json.contains(part), "{part} is missing:\n{json}");
+        }
+    }
+    let bare = folder.put("bare.npz", &falling(0.0));
+    let out = evaluate(&[&bare, "--against", "minimiser"]);
+    let errors = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(3), "{errors}");
+    assert!(
+        errors.contains("no-body") && errors.contains("hint:"),
+        "{errors}"
+    );
+}

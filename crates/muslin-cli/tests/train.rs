@@ -33,9 +33,20 @@ fn train(out: &str, more: &[&str]) -> Output {
 fn a_garment_is_taught_played_and_led_to_rest() {
     let folder = Folder::new("taught");
     let (model, glb) = (folder.at("tee.muslin"), folder.at("w.glb"));
-    let done = train(&model, &["--steps", "40", "--check", "squat"]);
+    let more = ["--steps", "40", "--check", "squat", "--picture", "25"];
+    let done = train(&model, &more);
     assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
-    assert_eq!(folder.names(), ["tee.csv", "tee.muslin", "tee.report.json"]);
+    let pictures = ["tee.000025.png", "tee.000040.png"];
+    assert_eq!(
+        folder.names(),
+        [&pictures[..], &["tee.csv", "tee.muslin", "tee.report.json"]].concat()
+    );
+    let [first, last] = pictures.map(|name| {
+        let bytes = std::fs::read(folder.at(name)).expect("written");
+        assert_eq!(bytes[12..24], *b"IHDR\0\0\x05\0\0\0\x02\x80");
+        bytes
+    });
+    assert!(first != last, "the garment has learnt between them");
     let report = std::fs::read_to_string(folder.at("tee.report.json")).expect("written");
     assert!(
         report.contains("\"not_learnt_from\"") && report.contains("built-in squat"),

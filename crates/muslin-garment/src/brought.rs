@@ -71,10 +71,7 @@ impl Garment {
         let binding = bind(&stand.skin, &verts);
         let net = Net::new(cloth.faces.clone(), verts.len());
         let rims = rims(&stand, &net, &verts);
-        let pins = match hangs_on_shoulders(&stand, &verts) {
-            true => Vec::new(),
-            false => waist(&rims),
-        };
+        let pins = waist(&rims);
         let anchor = |i: usize| blend(binding.row(i), &base.verts);
         let offset = (0..verts.len()).map(|i| verts[i] - anchor(i)).collect();
         let weights = spread(&cloth, bone_rows(avatar, &binding));
@@ -391,7 +388,8 @@ fn rims(stand: &Stand, net: &Net, x: &[DVec3]) -> Vec<Rim> {
     let middles: Vec<DVec3> = net.loops.iter().map(middle).collect();
     let top = middles.iter().map(|m| m.y).fold(f64::MIN, f64::max);
     let low = middles.iter().map(|m| m.y).fold(f64::MAX, f64::min);
-    let carried = hangs_on_shoulders(stand, x);
+    // What ends at a hand or a foot is held where it begins.
+    let carried = middles.len() > 1 && hangs_on_shoulders(stand, x);
     let name = |m: &DVec3| {
         let aside = m.x.abs() > 0.6 * stand.limbs[0].shoulder.x.abs();
         let below = m.y < stand.crotch.y;

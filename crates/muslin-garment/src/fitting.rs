@@ -6,6 +6,7 @@
 //! fitted on a body that holds its arms alike, and comes with them.
 
 mod clean;
+mod ends;
 mod hems;
 mod place;
 mod sleeves;
@@ -57,7 +58,14 @@ impl Garment {
         let stand = Stand::new(&map, &base);
         let mut warnings = Vec::new();
         let pieces = clean::pieces(mesh, &mut warnings)?;
-        let found = place::find(avatar, (&base, &stand), &pieces)?;
+        let on_body = || place::find(avatar, (&base, &stand), &pieces);
+        let found = match pieces.iter().filter(|p| p.ends()).count() {
+            0 => on_body()?,
+            n => match ends::find(avatar, (&base, &stand), &pieces) {
+                Err(_) if n < pieces.len() => on_body()?,
+                found => found?,
+            },
+        };
         warnings.push(found.told.clone());
         let mut garments = Vec::new();
         for (k, piece) in pieces.iter().enumerate() {
@@ -73,7 +81,8 @@ impl Garment {
                 ));
             }
             let made = even(placed, edge, &mut warnings);
-            let (garment, grown) = made.fitted(avatar, (&stand, &found), name)?;
+            let who = (&stand, &found);
+            let (garment, grown) = made.fitted(avatar, who, (name, piece.ends()))?;
             warnings.extend(grown);
             garments.push(garment);
         }
@@ -82,15 +91,22 @@ impl Garment {
     }
 }
 
-/// How far off the skin a garment lies in the middle of the body [m]: what is worn over what.
+/// How far off the skin a garment lies in the middle of the body [m], or anywhere if it is nowhere there: what is worn
+/// over what.
 fn room(garment: &Garment, stand: &Stand) -> f64 {
-    let near = |(x, row): (&DVec3, &[(u32, f64)])| {
-        let middle = (x.y - stand.crotch.y) / stand.trunk();
+    let worn = || garment.brought_verts().iter().zip(garment.binding.rows());
+    let off = |(x, row): (&DVec3, &[(u32, f64)])| {
         let skin: DVec3 = row.iter().map(|&(i, w)| stand.verts[i as usize] * w).sum();
-        (0.05..0.6).contains(&middle).then(|| x.distance(skin))
+        x.distance(skin)
     };
-    let worn = garment.brought_verts().iter().zip(garment.binding.rows());
-    let all: Vec<f64> = worn.filter_map(near).collect();
+    let is_middle = |(x, _): &(&DVec3, &[(u32, f64)])| {
+        let middle = (x.y - stand.crotch.y) / stand.trunk();
+        (0.05..0.6).contains(&middle)
+    };
+    let mut all: Vec<f64> = worn().filter(is_middle).map(off).collect();
+    if all.is_empty() {
+        all = worn().map(off).collect();
+    }
     all.iter().sum::<f64>() / all.len().max(1) as f64
 }
 
@@ -132,7 +148,7 @@ impl Even {
         self,
         avatar: &Avatar,
         (stand, found): (&Stand, &Found),
-        name: String,
+        (name, ends): (String, bool),
     ) -> Result<(Garment, Option<String>), GarmentError> {
         let Mesh {
             verts: mut x,
@@ -165,11 +181,11 @@ impl Even {
         let cloth = Elastic::new(faces, rest, x.len());
         if hang.is_none() {
             let growing = Growing::new(avatar, stand).posed(avatar, posed)?;
-            draw(&cloth, &mut x, growing);
+            draw(&cloth, &mut x, (growing, ends));
             let weights = spread(&cloth, bone_rows(avatar, &bind(&skin, &x)));
             bring_back(&mut x, &weights, posed);
         }
-        draw(&cloth, &mut x, Growing::new(avatar, stand));
+        draw(&cloth, &mut x, (Growing::new(avatar, stand), ends));
         let [half, worst] = [0.5, 0.99].map(|share| percentile(cloth.strains(&x), share));
         let strain = half.max(worst);
         let grown = (half > TIGHT.0 || worst > TIGHT.1).then(|| {
@@ -214,12 +230,14 @@ fn bring_back(x: &mut [DVec3], weights: &Sparse, posed: &Posed) {
     }
 }
 
-/// Draws cloth out of the skin, keeping its shape, while hands and feet grow: a mesh was made for others than ours.
-fn draw(cloth: &Elastic, x: &mut [DVec3], mut body: Growing) {
+/// Draws cloth out of the skin, keeping its shape, while hands and feet grow: a mesh was made for others than ours. What
+/// `ends` at a hand or a foot has it inside already, and fingers that would be smoothed away.
+fn draw(cloth: &Elastic, x: &mut [DVec3], (mut body, ends): (Growing, bool)) {
     let mut memory = Memory::default();
     for round in 0..ROUNDS {
         if round % 4 == 0 {
-            body.grow((1.3 * round as f64 / ROUNDS as f64).min(1.0));
+            let grown = 1.3 * round as f64 / ROUNDS as f64;
+            body.grow(if ends { 1.0 } else { grown.min(1.0) });
         }
         let outside = [Outside {
             surface: &body.skin,
@@ -228,7 +246,11 @@ fn draw(cloth: &Elastic, x: &mut [DVec3], mut body: Growing) {
         }];
         let how = Round {
             stitch: 0.0,
-            smooth: if round < ROUNDS / 2 { 0.3 } else { 0.05 },
+            smooth: if round < ROUNDS / 2 && !ends {
+                0.3
+            } else {
+                0.05
+            },
             most: 0.008,
             slack: if round < ROUNDS / 3 { 0.0 } else { FOLDS },
         };

@@ -9,8 +9,8 @@ use muslin_body::{Avatar, BodyError, Posed};
 use muslin_geom::Surface;
 
 /// Bones of hands and of feet.
-const HAND: [&str; 2] = ["metacarpal", "finger"];
-const FOOT: [&str; 2] = ["foot", "toe"];
+pub(crate) const HAND: [&str; 2] = ["metacarpal", "finger"];
+pub(crate) const FOOT: [&str; 2] = ["foot", "toe"];
 /// Size of a hand or foot that has not grown, against its own.
 const SMALL: f64 = 0.1;
 

@@ -321,3 +321,85 @@ fn what_is_no_garment_is_refused_in_words() {
         "{err}"
     );
 }
+
+/// The skin that hangs on bones of these names, by more than half, `off` metres outside of itself.
+fn second_skin(avatar: &Avatar, figure: &Figure, names: &[&str], off: f64) -> Mesh {
+    let rig = avatar.rig();
+    let on = |b: u32| {
+        names
+            .iter()
+            .any(|n| rig.bones[b as usize].name.starts_with(n))
+    };
+    let share = |row: &[(u32, f64)]| row.iter().filter(|e| on(e.0)).map(|e| e.1).sum::<f64>();
+    let own: Vec<bool> = rig.weights.rows().map(|r| share(r) > 0.5).collect();
+    let all = avatar.collision_faces();
+    let skin = Mesh {
+        verts: figure.verts[..avatar.part(muslin_body::Part::Body).end].to_vec(),
+        faces: all.to_vec(),
+    };
+    let normals = skin.vertex_normals();
+    let mut number = vec![None; skin.verts.len()];
+    let mut out = Mesh::default();
+    for f in all.iter().filter(|f| f.iter().all(|v| own[*v as usize])) {
+        out.faces.push(f.map(|v| {
+            let v = v as usize;
+            *number[v].get_or_insert_with(|| {
+                out.verts.push(skin.verts[v] + normals[v] * off);
+                out.verts.len() as u32 - 1
+            })
+        }));
+    }
+    out
+}
+
+/// The same in other units, turned and moved.
+fn placed(mesh: &Mesh, turn: DMat3, (per_metre, shift): (f64, DVec3)) -> Mesh {
+    Mesh {
+        verts: (mesh.verts.iter())
+            .map(|v| turn * *v * per_metre + shift)
+            .collect(),
+        faces: mesh.faces.clone(),
+    }
+}
+
+#[test]
+fn gloves_and_boots_find_hands_and_feet_and_are_held_where_they_begin() {
+    let avatar = avatar();
+    let figure = figure(&avatar);
+    let gloves = second_skin(&avatar, &figure, &["wrist", "metacarpal", "finger"], 0.003);
+    let boots = second_skin(&avatar, &figure, &["lowerleg02", "foot", "toe"], 0.006);
+    // Boots stand on the floor in inches, gloves come lying on their backs in centimetres, from the origin.
+    let floor = figure.verts.iter().map(|v| v.y).fold(f64::MAX, f64::min);
+    let boots = placed(
+        &boots,
+        DMat3::IDENTITY,
+        (1.0 / 0.0254, -DVec3::Y * floor / 0.0254),
+    );
+    let middle = gloves.verts.iter().sum::<DVec3>() / gloves.verts.len() as f64;
+    let lying = DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2);
+    let gloves = placed(&gloves, lying, (100.0, lying * middle * -100.0));
+    for (mesh, unit, on, low) in [
+        (&boots, "inches from the floor, Y up", "foot", true),
+        (
+            &gloves,
+            "centimetres and moved to where it fits, Z up",
+            "hand",
+            false,
+        ),
+    ] {
+        let made = tailored(mesh).expect("they are garments");
+        let told = made.warnings.join("\n");
+        assert!(
+            told.contains(unit) && told.contains(&format!("left {on}")),
+            "{told}"
+        );
+        assert_eq!(made.garments.len(), 2);
+        for g in &made.garments {
+            assert_eq!(g.rims.len(), 1);
+            assert_eq!(g.pins.len(), g.rims[0].verts.len());
+            let worn = g.worn(&avatar, &figure, &[]).expect("worn");
+            let middle = worn.verts.iter().sum::<DVec3>() / worn.verts.len() as f64;
+            assert_eq!(middle.y < floor + 0.3, low, "{middle}");
+        }
+    }
+}

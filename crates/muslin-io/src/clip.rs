@@ -4,7 +4,8 @@
 //! as `float32` [m], `faces` (F,3) and `body_faces` as `int32`, `rest` (V,3) as `float32` [m],
 //! `fps` as one `float64`. Cloth that was cut flat also has `rest_corners` (F,3,2) `float32` [m]:
 //! each face's own corners in its pattern, which are its exact rest shape; `rest` is then near it
-//! only. What is not known is left out.
+//! only. `pins` (P) as `int32` are vertices that the body holds, as at a waistband, and `fabric` (1)
+//! is a word, the name of what the cloth is made of. What is not known is left out.
 
 mod pc2;
 
@@ -15,7 +16,7 @@ use muslin_geom::{Drape, Part};
 
 use crate::error::{Fault, IoError, Place, name};
 use crate::input::read_file;
-use crate::npz::{self, Array, Npz};
+use crate::npz::{self, Array, Npz, Values};
 
 pub use pc2::{read_pc2, write_pc2};
 
@@ -35,11 +36,15 @@ pub struct Clip {
     pub rest: Vec<DVec3>,
     /// For cloth that was cut flat: each face's corners in its pattern [m]; may be empty.
     pub corners: Vec<[DVec2; 3]>,
+    /// Vertices of the cloth that the body holds, as at a waistband.
+    pub pins: Vec<u32>,
+    /// For every garment the name of its fabric, empty where that is not known; may be empty as a whole.
+    pub fabrics: Vec<String>,
 }
 
 impl Clip {
     /// Checks what writers and judges rely on: as many body frames as cloth frames, equal numbers
-    /// of vertices in all frames, corners that are vertices. Numbers may be anything.
+    /// of vertices in all frames, corners and pins that are vertices. Numbers may be anything.
     pub fn check_shape(&self) -> Result<(), IoError> {
         let fault = |what: String| Err(Fault::new("bad-clip", "the animation", what).invalid());
         let (frames, n) = (&self.drape.frames, self.n_verts());
@@ -63,9 +68,15 @@ impl Clip {
         if !inside(&self.drape.faces, n) || !inside(&self.body_faces, n_body) {
             return fault("a triangle has a corner that is no vertex".into());
         }
+        if self.pins.iter().any(|&i| i as usize >= n) {
+            return fault("a pin is no vertex".into());
+        }
         let fits = |len: usize, want: usize| len == 0 || len == want;
         if !fits(self.rest.len(), n) || !fits(self.corners.len(), self.drape.faces.len()) {
             return fault("the rest shape does not go with the cloth".into());
+        }
+        if !fits(self.fabrics.len(), self.drape.parts.len().max(1)) {
+            return fault("there are not as many fabrics as garments".into());
         }
         match self.drape.fps > 0.0 && self.drape.fps.is_finite() || frames.len() == 1 {
             true => Ok(()),
@@ -109,11 +120,12 @@ impl Clip {
         };
         parts
             .iter()
-            .map(|p| (p.name.clone(), self.part(p)))
+            .enumerate()
+            .map(|(k, p)| (p.name.clone(), self.part(k, p)))
             .collect()
     }
 
-    fn part(&self, part: &Part) -> Clip {
+    fn part(&self, k: usize, part: &Part) -> Clip {
         let first = part.verts.start as u32;
         let faces = &self.drape.faces[part.faces.clone()];
         let cut = |list: &[DVec3]| list[part.verts.clone()].to_vec();
@@ -141,7 +153,18 @@ impl Clip {
                 true => Vec::new(),
                 false => self.corners[part.faces.clone()].to_vec(),
             },
+            pins: (self.pins.iter())
+                .filter(|&&i| part.verts.contains(&(i as usize)))
+                .map(|i| i - first)
+                .collect(),
+            fabrics: self.fabric(k).map(str::to_owned).into_iter().collect(),
         }
+    }
+
+    /// The name of garment `k`'s fabric, if it is known.
+    pub fn fabric(&self, k: usize) -> Option<&str> {
+        let name = self.fabrics.get(k).map(String::as_str);
+        name.filter(|f| !f.is_empty())
     }
 
     /// Every `n`-th frame, from the first, at the rate that keeps the time; `n` ≥ 1.
@@ -164,6 +187,9 @@ impl Clip {
     ///
     /// A rest shape is kept if all have it. Fails if frames or rates differ.
     pub fn joined(garments: Vec<Clip>) -> Result<Clip, IoError> {
+        let named = garments.iter().any(|g| g.fabric(0).is_some());
+        let fabric = |g: &Clip| g.fabric(0).unwrap_or_default().to_owned();
+        let fabrics: Vec<String> = garments.iter().filter(|_| named).map(fabric).collect();
         let mut all = garments.into_iter();
         let Some(mut out) = all.next() else {
             return Err(Fault::new("bad-clip", "the animation", "no garment").invalid());
@@ -189,7 +215,9 @@ impl Clip {
             }
             append(&mut out.rest, &one.rest);
             append(&mut out.corners, &one.corners);
+            out.pins.extend(one.pins.iter().map(|i| i + n as u32));
         }
+        out.fabrics = fabrics;
         Ok(out)
     }
 
@@ -220,6 +248,13 @@ impl Clip {
             let corners = corners.flat_map(|c| c.as_vec2().to_array()).collect();
             let shape = [self.corners.len(), 3, 2];
             arrays.push(("rest_corners", Array::f32(&shape, corners)));
+        }
+        if !self.pins.is_empty() {
+            let pins: Vec<i64> = self.pins.iter().map(|&i| i.into()).collect();
+            arrays.push(("pins", Array::int(&[pins.len()], pins)));
+        }
+        if self.fabric(0).is_some() {
+            arrays.push(("fabric", Array::text(self.fabrics.clone())));
         }
         npz::write(&arrays)
     }
@@ -282,6 +317,15 @@ impl Clip {
             let corner = |c: &[f64; 2]| DVec2::from_array(*c);
             let corners: Vec<DVec2> = flat.as_chunks::<2>().0.iter().map(corner).collect();
             clip.corners = corners.as_chunks::<3>().0.to_vec();
+        }
+        if npz.get("pins").is_some() {
+            clip.pins = npz.indices("pins", (&[None], n))?;
+        }
+        if let Some(array) = npz.get("fabric") {
+            // Somebody else's `fabric` may be anything.
+            if let (Values::Text(words), [] | [1]) = (&array.values, &array.shape[..]) {
+                clip.fabrics = words.clone();
+            }
         }
         Ok(clip)
     }

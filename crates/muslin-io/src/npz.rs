@@ -156,14 +156,23 @@ impl Npz {
 
     /// The indices of the array called `name`, each below `below`, in triples.
     pub fn triangles(&self, name: &str, below: usize) -> Result<Vec<[u32; 3]>, IoError> {
-        let array = self.shaped(name, &[None, Some(3)])?;
+        let corners = self.indices(name, (&[None, Some(3)], below))?;
+        Ok(corners.as_chunks::<3>().0.to_vec())
+    }
+
+    /// The indices of the array called `name` and of such a shape, each below `below`.
+    pub fn indices(
+        &self,
+        name: &str,
+        (shape, below): (&[Option<usize>], usize),
+    ) -> Result<Vec<u32>, IoError> {
+        let array = self.shaped(name, shape)?;
         let Values::Int(ints) = &array.values else {
             return Err(self.fault(name, "holds no integers"));
         };
-        let corner = |&i: &i64| u32::try_from(i).ok().filter(|&i| (i as usize) < below);
-        let corners: Option<Vec<u32>> = ints.iter().map(corner).collect();
-        let corners = corners.ok_or_else(|| self.fault(name, "has a corner that is no vertex"))?;
-        Ok(corners.as_chunks::<3>().0.to_vec())
+        let index = |&i: &i64| u32::try_from(i).ok().filter(|&i| (i as usize) < below);
+        let all: Option<Vec<u32>> = ints.iter().map(index).collect();
+        all.ok_or_else(|| self.fault(name, "has a corner that is no vertex"))
     }
 
     /// The array called `name`, whose shape must be `shape` where that is not `None`.

@@ -54,6 +54,8 @@ impl Stage {
         let corner =
             |f: &[u32; 3]| f.map(|i| DVec2::new(f64::from(i) * 1e-3, f64::from(f[0]) * 1e-3));
         clip.corners = faces.iter().map(corner).collect();
+        clip.pins = vec![0, 7, tights.len() as u32 - 1];
+        clip.fabrics = vec!["nylon-taffeta".into()];
         clip.drape.faces = faces;
         clip.body_faces = self.avatar.body_faces().to_vec();
         (clip, bones)
@@ -170,6 +172,7 @@ fn cloth_and_body_come_back_from_any_motion() {
         assert_eq!(read.drape.faces, clip.drape.faces);
         assert_eq!(read.body_faces, clip.body_faces);
         assert_eq!(read.corners.len(), clip.corners.len());
+        assert_eq!((&read.pins, &read.fabrics), (&clip.pins, &clip.fabrics));
         let (cloth, body) = (
             farthest(&read.drape.frames, &clip.drape.frames),
             farthest(&read.body, &clip.body),

@@ -94,7 +94,7 @@ pub(crate) fn dressed(
 }
 
 /// What is put on, at rest on a standing figure.
-fn led(
+pub(crate) fn led(
     (avatar, figure): (&Avatar, &Figure),
     pose: &Pose,
     (outfit, worn): (&Outfit, &[Worn]),

@@ -53,6 +53,15 @@ pub(crate) const NEARLY_THERE: Options = Options {
     again: false,
     ..Options::USUAL
 };
+/// `n` such steps for a frame by itself; what ends with a fault is tried a second time with more care.
+pub(crate) const fn to_rest(n: usize) -> Options {
+    Options {
+        again: true,
+        last_steps: n,
+        still: 0.0,
+        ..NEARLY_THERE
+    }
+}
 /// Such steps for cloth that lies where it was taught to; what needs more of them is caught somewhere.
 pub(crate) const LAID: Options = Options {
     last_steps: 30,

@@ -168,6 +168,15 @@ fn look_for_people(photo: &Photo) -> Result<Found, Failure> {
     Ok(find_people(&models()?, &flatten(&photo.image, [255; 3])))
 }
 
+/// How many people can be dressed in a photo; nobody is a failure.
+pub(crate) fn people(photo: &Photo) -> Result<usize, Failure> {
+    let found = look_for_people(photo)?;
+    match found.people.len() {
+        0 => Err(nobody(&found).at(photo.file.clone())),
+        n => Ok(n),
+    }
+}
+
 /// The two networks that come with Muslin.
 pub(crate) fn models() -> Result<Models, Failure> {
     let damaged =

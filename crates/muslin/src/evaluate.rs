@@ -12,9 +12,11 @@ mod frame;
 mod material;
 mod passage;
 mod series;
+pub(crate) mod solver;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use muslin_geom::{Report, Value};
 use muslin_io::{Clip, read_clip, report_json, write_file};
 use rayon::prelude::*;
@@ -23,11 +25,24 @@ use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::outcome::Outcome;
 use crate::table::Table;
+use crate::watch::Watch;
 use frame::Frame;
 use material::Reference;
+use solver::Solver;
 
 /// Vertices deeper in the body than this are counted over all frames [m].
 const DEEP: f32 = 0.5e-3;
+
+/// Who a file is held against.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Against {
+    /// Somebody else's file of the same cloth and motion.
+    File(PathBuf),
+    /// Our solver, that leads so many frames of the file, evenly spread, to rest; all if none is said.
+    Minimiser(Option<usize>),
+    /// Our simulator, on the file's own body from where its first frame lies.
+    Simulator,
+}
 
 /// What was found.
 #[derive(Clone, Debug)]
@@ -44,6 +59,16 @@ pub struct Evaluation {
 /// The rest shape is the clip's own: its pattern, else its shape at rest, else the first frame
 /// (which the report then says). The same clip gives the same figures on any number of threads.
 pub fn evaluate(clip: &Clip, against: Option<&Clip>) -> Result<Evaluation, Failure> {
+    judge(clip, |cloth, frames| {
+        let told = against.map(|truth| compare(clip, truth, cloth, frames));
+        told.transpose()
+    })
+}
+
+fn judge(
+    clip: &Clip,
+    against: impl FnOnce(&Reference, &[Frame]) -> Result<Option<Report>, Failure>,
+) -> Result<Evaluation, Failure> {
     clip.check_shape().map_err(|e| file_failure(&e))?;
     let cloth = Reference::of(clip);
     let sound = frame::sound(clip);
@@ -70,8 +95,8 @@ pub fn evaluate(clip: &Clip, against: Option<&Clip>) -> Result<Evaluation, Failu
     }
     report.set("self", crossings(clip, &frames));
     report.set("time", time(clip, &frames));
-    if let Some(truth) = against {
-        report.set("against", compare(clip, truth, &cloth, &frames)?);
+    if let Some(told) = against(&cloth, &frames)? {
+        report.set("against", told);
     }
     let frames = series::csv(&frames, clip.drape.fps);
     Ok(Evaluation { report, frames })
@@ -79,15 +104,35 @@ pub fn evaluate(clip: &Clip, against: Option<&Clip>) -> Result<Evaluation, Failu
 
 /// Evaluates the file (or folder of point caches) at `path`, writes `NAME.evaluation.json` beside
 /// it, or `out`, and its `frames` where that is asked for, and gives the table.
+///
+/// Minimiser and simulator take the cloth to be made of `fabric`; if none is named, of what the file says, and of
+/// `paper-snug-cotton` where it says nothing.
 pub fn evaluate_file(
     path: &Path,
-    against: Option<&Path>,
+    (against, fabric): (Option<&Against>, Option<&str>),
     (out, frames): (Option<&Path>, Option<&Path>),
+    watch: &mut Watch,
 ) -> Result<Outcome, Failure> {
     let read = |p: &Path| read_clip(p).map_err(|e| file_failure(&e));
     let clip = read(path)?;
-    let truth = against.map(read).transpose()?;
-    let mut evaluation = evaluate(&clip, truth.as_ref())?;
+    let solver = || Solver::new(&clip, fabric);
+    let mut evaluation = match against {
+        None => evaluate(&clip, None),
+        Some(Against::File(path)) => evaluate(&clip, Some(&read(path)?)),
+        Some(Against::Minimiser(n)) => {
+            let solver = solver()?;
+            judge(&clip, |cloth, _| {
+                solver.minimised(*n, (cloth, watch)).map(Some)
+            })
+        }
+        Some(Against::Simulator) => {
+            let solver = solver()?;
+            judge(&clip, |cloth, frames| {
+                let told = compare(&clip, &solver.simulated(watch)?, cloth, frames)?;
+                Ok(Some(solver.simulator().with(told)))
+            })
+        }
+    }?;
     let file = muslin_io::name(path);
     evaluation
         .report
@@ -336,19 +381,37 @@ fn compare(
     }
     let sound = frame::sound(truth);
     let both: Vec<&Frame> = frames.iter().filter(|f| sound[f.t]).collect();
-    let mut far: Vec<f32> = Vec::new();
-    let mut gaps = Vec::new();
+    let mut distances = Distances::default();
+    let (mut gaps, mut accelerations) = (Vec::new(), Vec::new());
     for frame in &both {
         let (a, b) = (&clip.drape.frames[frame.t], &truth.drape.frames[frame.t]);
-        far.extend(a.iter().zip(b).map(|(x, y)| 1000.0 * x.distance(*y) as f32));
+        distances.add(a, b);
         let theirs = Frame::energy(truth, cloth, (frame.t, &sound));
         gaps.push(frame.total() - theirs.total());
+        accelerations.extend(theirs.acceleration);
     }
     let mut r = Report::default();
-    r.set("distance_mean_mm", mean(far.iter().map(|&d| f64::from(d))));
-    r.set("distance_p95_mm", percentile(&mut far, 0.95))
-        .set("energy_gap_J", mean(gaps));
+    distances.tell(&mut r);
+    r.set("energy_gap_J", mean(gaps));
+    r.set("their_acceleration_mean_m_s2", mean(accelerations));
     Ok(r)
+}
+
+/// How far vertices are from where somebody else has them.
+#[derive(Default)]
+struct Distances(Vec<f32>);
+
+impl Distances {
+    fn add(&mut self, a: &[DVec3], b: &[DVec3]) {
+        let each = a.iter().zip(b);
+        self.0
+            .extend(each.map(|(x, y)| 1000.0 * x.distance(*y) as f32));
+    }
+
+    fn tell(mut self, r: &mut Report) {
+        r.set("distance_mean_mm", mean(self.0.iter().map(|&d| d.into())));
+        r.set("distance_p95_mm", percentile(&mut self.0, 0.95));
+    }
 }
 
 #[cfg(test)]

@@ -2,13 +2,14 @@
 //!
 //! [`dress`] takes a photo and writes a 3D figure wearing draped garments; [`demo`] does it on a
 //! built-in photo and [`dress_pose`] on a built-in stance.
-//! [`simulate()`] moves an outfit on a moving body. [`evaluate()`] judges animated cloth. [`list`] tells what there is, [`bench`]
+//! [`simulate()`] moves an outfit on a moving body. [`check()`] says whether jobs can use a file. [`evaluate()`] judges animated cloth. [`list`] tells what there is, [`bench`]
 //! measures it. Each job tells a [`Watch`] of its stages and fails with a [`Failure`].
 
 mod animate;
 mod begin;
 pub mod bench;
 mod brought;
+mod check;
 mod drape;
 mod dress;
 mod evaluate;
@@ -35,9 +36,10 @@ mod wardrobe;
 mod watch;
 
 pub use animate::{AnimateOptions, animate};
+pub use check::check;
 pub use drape::{Dressed, Quality, drape_outfit};
 pub use dress::{demo, dress, dress_pose};
-pub use evaluate::{Evaluation, evaluate, evaluate_file};
+pub use evaluate::{Against, Evaluation, evaluate, evaluate_file};
 pub use failure::{Exit, Failure};
 pub use muslin_garment::Cut;
 pub use muslin_train::Place;

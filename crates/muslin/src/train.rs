@@ -4,6 +4,7 @@ mod kept;
 mod lessons;
 mod log;
 mod options;
+mod sketch;
 mod small;
 mod told;
 pub(crate) mod variety;
@@ -37,6 +38,7 @@ use kept::{beside, keep, resume, stopped};
 use lessons::Class;
 use log::Log;
 pub use options::TrainOptions;
+use sketch::Sketch;
 pub(crate) use told::topology;
 use told::{energies, licence, table};
 
@@ -73,12 +75,13 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
     }
     let figure = school.body(&avatar)?;
     let (motions, sources) = school.motions(&avatar, &figure)?;
-    let mut class = school.garment(&avatar, &figure)?;
+    let (mut class, outfit) = school.garment(&avatar, &figure)?;
     if let Some(edge) = options.coarse {
         let model = school.coarse((&avatar, &figure), &motions, (edge, &kept[1]))?;
         class.begun = Some(model);
     }
-    let told = school.teach(&avatar, (motions, sources), (&class, out, &kept[0]))?;
+    let worn = (&class, &outfit);
+    let told = school.teach(&avatar, (motions, sources), (worn, out, &kept[0]))?;
     for part in &kept {
         Journal::remove(part).map_err(|e| file_failure(&e))?;
     }
@@ -139,7 +142,7 @@ impl School<'_, '_> {
         Ok((motions, sources))
     }
 
-    fn garment(&mut self, avatar: &Avatar, figure: &Figure) -> Result<Class, Failure> {
+    fn garment(&mut self, avatar: &Avatar, figure: &Figure) -> Result<(Class, Outfit), Failure> {
         let mut warnings = Vec::new();
         let note = |w: &str| warnings.push(w.to_owned());
         let outfit = Outfit::make_for((avatar, self.hero), &self.options.dress, note)?;
@@ -156,7 +159,7 @@ impl School<'_, '_> {
             told += &format!(", for {} wearers and fabrics", class.pupils.len());
         }
         self.done(3, "garment", told)?;
-        Ok(class)
+        Ok((class, outfit))
     }
 
     /// What is going to learn.
@@ -199,7 +202,7 @@ impl School<'_, '_> {
         let base = self.hero.map(|h| &h.base);
         let class = Class::new((avatar, figure), (&outfit, base), self.options)?;
         let mut trainer = self.trainer((avatar, &class), motions.to_vec())?;
-        let (last, log) = self.learn(&mut *trainer, (part, "coarse "))?;
+        let (last, log) = self.learn(&mut *trainer, (part, "coarse "), None)?;
         keep(&*trainer, part, &log)?;
         let mut r = energies(&last);
         r.set("edge_mm", edge * 1000.0)
@@ -212,13 +215,21 @@ impl School<'_, '_> {
         mut self,
         avatar: &Avatar,
         (motions, sources): (Vec<Motion>, Vec<String>),
-        (class, out, part): (&Class, &Path, &Path),
+        ((class, outfit), out, part): ((&Class, &Outfit), &Path, &Path),
     ) -> Result<Outcome, Failure> {
         let pupil = &class.pupils[0];
         let figure = &pupil.figure;
         let shown = small::shown(&motions);
+        let sketch = self.options.picture.map(|every| Sketch {
+            poses: sketch::drawn(&motions),
+            avatar,
+            pupil,
+            outfit,
+            every,
+            out,
+        });
         let mut trainer = self.trainer((avatar, class), motions)?;
-        let (last, log) = self.learn(&mut *trainer, (part, ""))?;
+        let (last, log) = self.learn(&mut *trainer, (part, ""), sketch.as_ref())?;
         self.check((avatar, figure), &*trainer)?;
         let e = last.energies;
         let line = format!(
@@ -301,6 +312,7 @@ impl School<'_, '_> {
         &mut self,
         trainer: &mut dyn Training,
         (part, kind): (&Path, &str),
+        sketch: Option<&Sketch>,
     ) -> Result<(Told, Log), Failure> {
         let mut log = Log::default();
         if self.options.resume {
@@ -318,6 +330,9 @@ impl School<'_, '_> {
                 }
             }
             log.add(last);
+            if let Some(sketch) = sketch {
+                sketch.draw(trainer, self.options.steps)?;
+            }
             let go = self.watch.go_on();
             if go.is_err() || kept.elapsed().as_secs_f64() > KEEP_EVERY {
                 keep(trainer, part, &log)?;

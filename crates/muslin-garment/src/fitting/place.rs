@@ -23,7 +23,7 @@ pub struct Found {
     pub told: String,
 }
 
-const UNITS: [(f64, &str); 5] = [
+pub(super) const UNITS: [(f64, &str); 5] = [
     (1.0, "metres"),
     (0.1, "decimetres"),
     (0.01, "centimetres"),
@@ -57,13 +57,9 @@ pub fn find(
     (base, stand): (&Figure, &Stand),
     pieces: &[Piece],
 ) -> Result<Found, GarmentError> {
-    let axes = [
-        ("Y", DMat3::IDENTITY),
-        ("Z", DMat3::from_rotation_x(-std::f64::consts::FRAC_PI_2)),
-    ];
     let points = sample(pieces);
     let mut best: Option<(f64, Found)> = None;
-    for (up, turn) in axes {
+    for (up, turn) in axes() {
         let angle = sleeve_angle(pieces, &turn);
         let upright: Vec<DVec3> = points.iter().map(|p| turn * *p).collect();
         for turned in arm_turns(stand, angle) {
@@ -86,8 +82,7 @@ pub fn find(
             if best.as_ref().is_some_and(|b| cost > 0.85 * b.0) {
                 continue;
             }
-            let off = cost * 1e3;
-            let told = format!("taken as {how}, {up} up; {off:.0} mm off the skin on average");
+            let told = told(&how, up, cost);
             let world_from_file = DAffine3 {
                 matrix3: turn * scale,
                 translation: shift,
@@ -110,6 +105,20 @@ pub fn find(
         return Err(GarmentError::Mesh { what: what.into() });
     }
     Ok(found)
+}
+
+/// Axes that may be up, and what turns them up.
+pub(super) fn axes() -> [(&'static str, DMat3); 2] {
+    [
+        ("Y", DMat3::IDENTITY),
+        ("Z", DMat3::from_rotation_x(-std::f64::consts::FRAC_PI_2)),
+    ]
+}
+
+/// What was decided, in a sentence.
+pub(super) fn told(how: &str, up: &str, off: f64) -> String {
+    let off = off * 1e3;
+    format!("taken as {how}, {up} up; {off:.0} mm off the skin on average")
 }
 
 fn sample(pieces: &[Piece]) -> Vec<DVec3> {
@@ -416,7 +425,11 @@ fn arm_turns(stand: &Stand, angle: Option<f64>) -> Vec<f64> {
 }
 
 /// The body with its arms turned down by an angle [rad].
-fn arms_turned(avatar: &Avatar, base: &Figure, down: f64) -> Result<Posed, GarmentError> {
+pub(super) fn arms_turned(
+    avatar: &Avatar,
+    base: &Figure,
+    down: f64,
+) -> Result<Posed, GarmentError> {
     let mut pose = Pose::rest(avatar);
     for (side, sign) in [("L", -1.0), ("R", 1.0)] {
         let bone = avatar.bone(&format!("upperarm01.{side}"))?;

@@ -2,7 +2,7 @@
 //!
 //! 32 bytes of header (`POINTCACHE2\0`, version 1, points, first frame, frames a sample, samples),
 //! then `float32` positions frame by frame, all little-endian. The format has no rate, no names and
-//! no triangles: comments in the OBJ tell the rate and the layer.
+//! no triangles: comments in the OBJ tell the rate, the layer, the pins and the fabric.
 
 use std::path::Path;
 
@@ -19,6 +19,8 @@ const MAGIC: &[u8; 12] = b"POINTCACHE2\0";
 const HEADER: usize = 32;
 const MAX_BYTES: u64 = 4 << 30;
 const MAX_OBJ: u64 = 256 << 20;
+/// Pins in one comment.
+const PINS_A_LINE: usize = 16;
 
 /// The bytes of a `.pc2` file; all frames must have the same number of points.
 pub fn write_pc2(frames: &[Vec<DVec3>]) -> Vec<u8> {
@@ -70,12 +72,19 @@ pub fn read_pc2(name: &str, bytes: &[u8]) -> Result<Vec<Vec<DVec3>>, IoError> {
 pub fn files(clip: &Clip) -> Result<Vec<(String, Vec<u8>)>, IoError> {
     let mut out = Vec::new();
     for (layer, (name, one)) in clip.garments().into_iter().enumerate() {
+        let mut head = format!("# fps {}\n# layer {layer}\n", clip.drape.fps);
+        for pins in one.pins.chunks(PINS_A_LINE) {
+            let pins: Vec<String> = pins.iter().map(|i| (i + 1).to_string()).collect();
+            head.push_str(&format!("# pins {}\n", pins.join(" ")));
+        }
+        if let Some(fabric) = one.fabric(0) {
+            head.push_str(&format!("# fabric {fabric}\n"));
+        }
         let verts = match one.rest.is_empty() {
             true => one.drape.frames[0].clone(),
             false => one.rest,
         };
         let faces = one.drape.faces;
-        let head = format!("# fps {}\n# layer {layer}\n", clip.drape.fps);
         out.push((format!("{name}.pc2"), write_pc2(&one.drape.frames)));
         out.push((
             format!("{name}.obj"),
@@ -114,6 +123,9 @@ struct Beside {
     mesh: Mesh,
     fps: Option<f64>,
     layer: f64,
+    /// Counted from 1, as in faces.
+    pins: Vec<u32>,
+    fabric: String,
 }
 
 /// Reads the point cache at `path`, or all of a folder; `body.pc2` is the body.
@@ -127,7 +139,7 @@ pub fn read(path: &Path) -> Result<Clip, IoError> {
     for stem in stems(path, folder)? {
         let (frames, beside) = one(&folder.join(format!("{stem}.pc2")))?;
         fps = fps.or(beside.fps);
-        garments.push((beside.layer, garment(stem, frames, beside.mesh)));
+        garments.push((beside.layer, garment(stem, frames, beside)));
     }
     garments.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut clip = Clip::joined(garments.into_iter().map(|g| g.1).collect())?;
@@ -183,7 +195,9 @@ fn one(path: &Path) -> Result<(Vec<Vec<DVec3>>, Beside), IoError> {
     Ok((frames, beside))
 }
 
-fn garment(name: String, frames: Vec<Vec<DVec3>>, mesh: Mesh) -> Clip {
+fn garment(name: String, frames: Vec<Vec<DVec3>>, beside: Beside) -> Clip {
+    let mesh = beside.mesh;
+    let known = !beside.fabric.is_empty();
     let part = Part {
         name,
         verts: 0..mesh.verts.len(),
@@ -197,6 +211,8 @@ fn garment(name: String, frames: Vec<Vec<DVec3>>, mesh: Mesh) -> Clip {
             fps: 30.0,
         },
         rest: mesh.verts,
+        pins: beside.pins.iter().map(|i| i - 1).collect(),
+        fabrics: known.then_some(beside.fabric).into_iter().collect(),
         ..Clip::default()
     }
 }
@@ -207,6 +223,8 @@ fn beside_from(file: &str, text: &str) -> Result<Beside, IoError> {
         mesh: Mesh::default(),
         fps: None,
         layer: 0.0,
+        pins: Vec::new(),
+        fabric: String::new(),
     };
     for (i, line) in text.lines().enumerate() {
         let fault = |what: &str| {
@@ -219,6 +237,13 @@ fn beside_from(file: &str, text: &str) -> Result<Beside, IoError> {
         match words.as_slice() {
             ["#", "fps", ..] => out.fps = number(2).filter(|&f| f > 0.0 && f.is_finite()),
             ["#", "layer", ..] => out.layer = number(2).unwrap_or(0.0),
+            ["#", "fabric", name, ..] => out.fabric = (*name).to_owned(),
+            ["#", "pins", pins @ ..] => {
+                let pins = pins.iter().map(|p| p.parse().ok().filter(|&i| i > 0));
+                let pins: Option<Vec<u32>> = pins.collect();
+                out.pins
+                    .extend(pins.ok_or_else(|| fault("a pin that is no vertex"))?);
+            }
             ["v", ..] => {
                 let v = number(1).zip(number(2)).zip(number(3));
                 let ((x, y), z) = v.ok_or_else(|| fault("a vertex without three numbers"))?;

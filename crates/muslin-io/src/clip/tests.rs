@@ -31,6 +31,8 @@ fn sample() -> Clip {
         body_faces: vec![[0, 1, 2]],
         rest: frame(0.0),
         corners,
+        pins: vec![1, 2, 6],
+        fabrics: vec!["denim".into(), String::new()],
     }
 }
 

@@ -346,6 +346,12 @@ impl Film {
                 .collect();
             extras["rest_corners"] = json!({ "bufferView": self.bin.blob(&corners) });
         }
+        if !clip.pins.is_empty() {
+            extras["pins"] = json!(clip.pins);
+        }
+        if let Some(fabric) = clip.fabric(0) {
+            extras["fabric"] = json!(fabric);
+        }
         let mut mesh = json!({ "name": node.name, "primitives": [primitive], "extras": extras });
         if !targets.is_empty() {
             mesh["weights"] = vec![0.0; targets.len()].into();

@@ -62,7 +62,8 @@ fn garment(
     fps: f64,
 ) -> Result<Clip, IoError> {
     let mesh = &glb.list("meshes")[int(&node["mesh"]).unwrap_or(0)];
-    let rest = &mesh["extras"]["rest_corners"]["bufferView"];
+    let extras = &mesh["extras"];
+    let rest = &extras["rest_corners"]["bufferView"];
     let corners = glb.view(rest).map(|(bytes, _)| {
         let float = |b: &[u8; 4]| f64::from(f32::from_le_bytes(*b));
         let floats: Vec<f64> = bytes.as_chunks::<4>().0.iter().map(float).collect();
@@ -82,7 +83,13 @@ fn garment(
         verts: 0..frames[0].len(),
         faces: 0..actor.faces.len(),
     };
+    // Somebody else's extras may be anything.
+    let pin = |p: &Value| int(p).filter(|p| part.verts.contains(p));
+    let pins = extras["pins"].as_array().into_iter().flatten();
+    let fabric = extras["fabric"].as_str();
     Ok(Clip {
+        pins: pins.filter_map(pin).map(|p| p as u32).collect(),
+        fabrics: fabric.map(str::to_owned).into_iter().collect(),
         drape: Drape {
             parts: vec![part],
             faces: actor.faces,

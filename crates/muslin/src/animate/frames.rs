@@ -11,7 +11,7 @@ use muslin_sim::{Frame, Guesses, Options, Refined, Settled, drape, drape_while, 
 use rayon::prelude::*;
 
 use crate::begin::begin;
-use crate::drape::{LAID, NEARLY_THERE};
+use crate::drape::{LAID, NEARLY_THERE, to_rest};
 use crate::failure::{Exit, Failure};
 use crate::layers::{Predicted, stacked};
 use crate::simulate::reel::{Reel, Told};
@@ -345,17 +345,11 @@ pub(crate) fn refined(
 
 /// What ends with a fault is tried a second time with more care.
 fn solve(set: &Set, x: &[DVec3], (path, k): (&[Frame], usize)) -> Result<Settled, Failure> {
-    let options = Options {
-        again: true,
-        last_steps: k,
-        still: 0.0,
-        ..NEARLY_THERE
-    };
     let settled = drape(
         &set.cloth,
         x,
         (path, set.avatar.collision_faces()),
-        &options,
+        &to_rest(k),
     );
     settled.map_err(|e| Failure::new(Exit::Numbers, "refine", e.to_string()))
 }

@@ -5,7 +5,6 @@ use std::slice;
 
 use glam::DVec3;
 use muslin_body::Avatar;
-use muslin_energy::{RestTriangle, membrane, plate, point};
 use muslin_geom::{Mesh, Value, self_intersections};
 use muslin_io::Clip;
 use muslin_model::{Crowd, CrowdError, Model, Player};
@@ -19,6 +18,7 @@ use crate::animate::{
 };
 use crate::dress::asked_figure;
 use crate::evaluate::evaluate;
+use crate::evaluate::solver::{CONVERGED, energies};
 use crate::failure::{Exit, Failure};
 use crate::hero::{Hero, avatar_of};
 use crate::options::DressOptions;
@@ -41,8 +41,6 @@ pub const HELD_OUT: [&str; 3] = [
 pub(super) const REFINE: usize = 5;
 /// Frames that the refined tier was led through up to one that is looked at: half a run of them.
 const LONG: usize = 15;
-/// Iterations that lead from there to the minimiser.
-const CONVERGED: usize = 120;
 
 /// Frames of a recording in a second that are looked at, for those inside the body and to choose
 /// from.
@@ -521,30 +519,6 @@ fn crossings(faces: &[[u32; 3]], x: &[DVec3]) -> usize {
         faces: faces.to_vec(),
     };
     self_intersections(&mesh).len()
-}
-
-/// Stretch, bending and weight [J] of cloth at `x` [m], by the laws that solver and trainer share.
-fn energies(cloth: &Cloth, x: &[DVec3]) -> [f64; 3] {
-    let mut out = [0.0; 3];
-    let g = DVec3::new(0.0, -9.81, 0.0);
-    for (f, face) in cloth.faces.iter().enumerate() {
-        let material = &cloth.materials[cloth.material_of[f] as usize];
-        let Some(rest) = RestTriangle::new(cloth.rest[f]) else {
-            continue;
-        };
-        let corners = face.map(|v| x[v as usize]);
-        out[0] += membrane::energy(&corners, &rest, &material.stretch);
-        let third = material.density * rest.area / 3.0;
-        out[2] += corners
-            .iter()
-            .map(|p| point::gravity(*p, third, g).energy)
-            .sum::<f64>();
-    }
-    let bend = |f: usize| cloth.materials[cloth.material_of[f] as usize].bend;
-    for (verts, rest) in plate::plates(&cloth.faces, &cloth.rest, bend) {
-        out[1] += plate::energy(&verts.map(|v| x[v as usize]), &rest);
-    }
-    out
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use muslin_energy::RestTriangle;
 use muslin_energy::hinge::{Bend, RestHinge, Stencil, angle, stencils};
-use muslin_energy::stvk::Lame;
+use muslin_energy::stvk::{self, Lame};
 use muslin_io::Clip;
 
 /// Young's modulus [Pa].
@@ -39,23 +39,7 @@ impl Reference {
     /// The reference cloth in the clip's rest shape.
     pub fn of(clip: &Clip) -> Self {
         let faces = &clip.drape.faces;
-        let finite = clip
-            .drape
-            .frames
-            .iter()
-            .find(|f| f.iter().all(|x| x.is_finite()));
-        let (rest_from, solid) = match (clip.corners.is_empty(), clip.rest.is_empty()) {
-            (false, _) => ("pattern", None),
-            (true, false) => ("rest shape", Some(&clip.rest)),
-            _ => ("first frame", Some(finite.unwrap_or(&clip.drape.frames[0]))),
-        };
-        let corners: Vec<[DVec2; 3]> = match solid {
-            None => clip.corners.clone(),
-            Some(x) => faces
-                .iter()
-                .map(|f| laid_flat(f.map(|i| x[i as usize])))
-                .collect(),
-        };
+        let ((rest_from, solid), corners) = corners(clip);
         let patches: Vec<_> = corners.iter().map(|c| RestTriangle::new(*c)).collect();
         let mut mass = vec![0.0; clip.n_verts()];
         for (face, patch) in faces.iter().zip(&patches) {
@@ -83,6 +67,30 @@ impl Reference {
             rest_from,
         }
     }
+
+    /// Saint Venant-Kirchhoff energy [J] of the reference cloth at `x` [m].
+    pub fn strain(&self, faces: &[[u32; 3]], x: &[DVec3]) -> f64 {
+        let all = faces.iter().zip(&self.patches);
+        let known = all.filter_map(|(f, patch)| Some((f, (*patch)?)));
+        known
+            .map(|(f, patch)| stvk::gradient(&f.map(|i| x[i as usize]), &patch, &self.lame).0)
+            .sum()
+    }
+}
+
+/// Where a clip's rest shape is from, the positions that it is if it is not a pattern, and every triangle's corners in it.
+#[expect(clippy::type_complexity, reason = "one caller takes all three apart")]
+pub fn corners(clip: &Clip) -> ((&'static str, Option<&[DVec3]>), Vec<[DVec2; 3]>) {
+    let frames = &clip.drape.frames;
+    let finite = || frames.iter().find(|f| f.iter().all(|x| x.is_finite()));
+    let (rest_from, solid) = match (clip.corners.is_empty(), clip.rest.is_empty()) {
+        (false, _) => return (("pattern", None), clip.corners.clone()),
+        (true, false) => ("rest shape", &clip.rest),
+        _ => ("first frame", finite().unwrap_or(&frames[0])),
+    };
+    let flat = |f: &[u32; 3]| laid_flat(f.map(|i| solid[i as usize]));
+    let corners = clip.drape.faces.iter().map(flat).collect();
+    ((rest_from, Some(solid)), corners)
 }
 
 /// The triangle in its own plane.

@@ -189,3 +189,86 @@ fn the_frames_tell_over_time_what_the_report_tells_of_all() {
     assert_eq!(column("inertia_J").iter().flatten().count(), 4);
     assert_eq!(column("vertices_inside"), [Some(0.0); 6]);
 }
+
+/// The sheet, level in mid-air, held along one side by a cube beside it, for `n` frames.
+fn held(n: usize) -> Clip {
+    let mut clip = falling(n);
+    let level = clip.drape.frames[0].clone();
+    clip.drape.frames.fill(level);
+    let (verts, faces) = cube(DVec3::new(-0.3, 2.0, 0.2));
+    (clip.body, clip.body_faces) = (vec![verts; n], faces);
+    clip.pins = (0..81).step_by(9).collect();
+    clip
+}
+
+fn minimised(clip: &Clip) -> Evaluation {
+    let solver = Solver::new(clip, None).expect("a body");
+    let told = |cloth: &Reference, _: &[Frame]| {
+        let told = solver.minimised(None, (cloth, &mut Watch::nobody()));
+        told.map(Some)
+    };
+    judge(clip, told).expect("a sound clip")
+}
+
+#[test]
+fn the_minimiser_lets_a_sheet_hang_and_leaves_one_that_hangs() {
+    let mut clip = held(2);
+    let e = minimised(&clip);
+    let (gap, weight) = (
+        figure(&e, "against", "energy_gap_J"),
+        figure(&e, "against", "gap_of_weight_J"),
+    );
+    // Held at one side it hangs straight down, its middle 20 cm lower.
+    let want = 0.16 * 0.2 * 9.81 * 0.2;
+    assert!((weight / want - 1.0).abs() < 0.05, "{weight} J, {want} J");
+    assert!((gap / want - 1.0).abs() < 0.05, "{gap} J, {want} J");
+    assert!(figure(&e, "against", "distance_mean_mm") > 200.0);
+    assert_eq!(figure(&e, "against", "frames"), 2.0);
+    let solver = Solver::new(&clip, None).expect("a body");
+    let hung = solver.at_rest(0, &|| true).expect("it hangs");
+    clip.drape.frames = vec![hung.verts; 2];
+    let e = minimised(&clip);
+    let left = figure(&e, "against", "energy_gap_J");
+    // It is held where it lies now, and sinks as far below that again as it weighs.
+    assert!(left.abs() < 0.02 * want, "{left} J");
+    assert!(figure(&e, "against", "distance_p95_mm") < 10.0);
+}
+
+#[test]
+fn the_simulator_goes_its_own_way_from_where_the_first_frame_comes_to_rest() {
+    let clip = held(4);
+    let solver = Solver::new(&clip, Some("denim")).expect("a body");
+    let hung = solver.simulated(&mut Watch::nobody()).expect("two frames");
+    assert_eq!(hung.drape.frames.len(), 4);
+    let low = |x: &[DVec3]| x.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+    for x in &hung.drape.frames {
+        assert!((1.58..1.63).contains(&low(x)), "{}", low(x));
+    }
+    let e = evaluate(&clip, Some(&hung)).expect("the same cloth");
+    assert!(figure(&e, "against", "energy_gap_J") > 0.0);
+    assert_eq!(
+        solver.simulator().get("fabric"),
+        Some(&Value::Text("denim".into()))
+    );
+}
+
+#[test]
+fn what_the_solver_cannot_do_is_said() {
+    let code = |clip: &Clip, fabric: Option<&str>| {
+        let simulated = Solver::new(clip, fabric).and_then(|s| s.simulated(&mut Watch::nobody()));
+        let fault = simulated.expect_err("not possible");
+        (fault.code, fault.exit)
+    };
+    assert_eq!(code(&falling(4), None), ("no-body", Exit::Invalid));
+    assert_eq!(code(&held(1), None), ("one-frame", Exit::Invalid));
+    assert_eq!(
+        code(&held(2), Some("cheese")),
+        ("unknown-fabric", Exit::Usage)
+    );
+    let mut named = held(2);
+    named.fabrics = vec!["cheese".into()];
+    assert_eq!(code(&named, None), ("unknown-fabric", Exit::Usage));
+    let mut hole = held(3);
+    hole.body[1][0].x = f64::NAN;
+    assert_eq!(code(&hole, None), ("not-finite", Exit::Invalid));
+}

@@ -209,6 +209,10 @@ impl<'a> Set<'a> {
             body_faces: self.avatar.collision_faces().to_vec(),
             rest: self.start.clone(),
             corners: self.cloth.rest.clone(),
+            pins: self.cloth.pins.clone(),
+            fabrics: (self.outfit.pieces.iter())
+                .map(|p| p.fabric.name.clone())
+                .collect(),
         }
     }
 

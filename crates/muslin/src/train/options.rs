@@ -56,6 +56,8 @@ pub struct TrainOptions {
     pub rate: Option<f64>,
     /// Where the steps of our own training are taken.
     pub device: Place,
+    /// Steps from one picture of what has been learnt to the next; no pictures if not said.
+    pub picture: Option<u64>,
     /// Go on with an unfinished training.
     pub resume: bool,
 }
@@ -88,6 +90,7 @@ impl Default for TrainOptions {
             seed: Plan::default().seed,
             rate: None,
             device: Place::Any,
+            picture: None,
             resume: false,
         }
     }
@@ -240,6 +243,7 @@ impl TrainOptions {
         within("--augment", "", self.augment, (0.0, 1.0))?;
         within("--fairness", "", self.fairness, (0.0, 3.0))?;
         within("--rate", "", self.rate, (1e-6, 0.1))?;
+        within("--picture", "", self.picture.map(|x| x as f64), (1.0, 1e7))?;
         if self.dress.outfit.len() != 1 && self.system != Some(System::Pbns) {
             let n = self.dress.outfit.len();
             let what = format!("{n} garments at once are for `train pbns`");

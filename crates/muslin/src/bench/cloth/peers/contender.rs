@@ -103,7 +103,8 @@ pub fn clip(skirt: &Skirt) -> Clip {
             .collect(),
         body_faces: skirt.body.faces.clone(),
         rest: skirt.cloth.verts.clone(),
-        corners: Vec::new(),
+        pins: skirt.pinned.clone(),
+        ..Clip::default()
     }
 }
 

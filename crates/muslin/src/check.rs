@@ -1,0 +1,352 @@
+//! What files are, and whether jobs can use them: told in words before hours are spent.
+//!
+//! Every file goes through what the jobs themselves do with it first: a garment is read, fitted or sewn and put on the
+//! body, a motion is led over to it, a character gets its likeness, a trained garment is held against the one that is
+//! cut today.
+
+use std::path::{Path, PathBuf};
+
+use muslin_body::Avatar;
+use muslin_geom::{Report, Value};
+use muslin_io::{PhotoLimits, read_clip, read_file, read_photo};
+
+use crate::animate::{as_trained, fits, note_of, read_model, wants_character};
+use crate::brought::led;
+use crate::drape::put_on;
+use crate::dress::{asked_figure, file_failure, people};
+use crate::fabric;
+use crate::failure::{Exit, Failure};
+use crate::hero::{Hero, avatar_of, standing};
+use crate::options::{DressOptions, Wear};
+use crate::outcome::Outcome;
+use crate::outfit::Outfit;
+use crate::simulate::{SimulateOptions, motion};
+use crate::table::Table;
+use crate::tell;
+use crate::watch::Watch;
+
+/// What a file may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Garment,
+    Fabric,
+    Motion,
+    Character,
+    Model,
+    Clip,
+    Photo,
+}
+
+/// What was found in a file that can be used.
+struct Found {
+    kind: &'static str,
+    told: String,
+    warnings: Vec<String>,
+}
+
+/// Says of each of `files` what it is and what the user should know of it; `options` tell who wears and moves it, and
+/// how finely garments are cut.
+///
+/// # Errors
+/// What a job would end with, if one of them cannot be used; if it is several, which, and why.
+pub fn check(
+    files: &[PathBuf],
+    options: &DressOptions,
+    watch: &mut Watch,
+) -> Result<Outcome, Failure> {
+    let whole = DressOptions {
+        outfit: vec![Wear::parse("tee")],
+        ..options.clone()
+    };
+    whole.check()?;
+    if files.is_empty() {
+        let fault = Failure::new(Exit::Usage, "no-file", "no file to look at");
+        return Err(fault.hint("name garments, motions, characters, fabrics, models or photos"));
+    }
+    let hero = Hero::load(options)?;
+    let avatar = avatar_of(hero.as_ref())?;
+    let room = Room {
+        who: (&avatar, hero.as_ref()),
+        options,
+    };
+    let mut table = Table::new(&["file", "it is", "and has"]);
+    let (mut all, mut faults) = (Vec::new(), Vec::new());
+    for (k, path) in files.iter().enumerate() {
+        let file = muslin_io::name(path.file_name().unwrap_or_default().as_ref());
+        watch.progress(&file);
+        match room.look(path) {
+            Ok(found) => {
+                let warnings = found.warnings.iter();
+                warnings.for_each(|w| watch.warn(&format!("{file}: {w}")));
+                table.row([&file, found.kind, &found.told]);
+                let list = found.warnings.iter().map(|w| Value::from(w.as_str()));
+                let mut r = Report::default();
+                r.set("file", file.as_str()).set("kind", found.kind);
+                r.set("told", found.told.as_str());
+                r.set("warnings", list.collect::<Vec<_>>());
+                all.push(Value::Tree(r));
+                let told = format!("{file}: {}, {}", found.kind, found.told);
+                watch.done((k + 1, files.len()), "file", told)?;
+            }
+            Err(fault) => {
+                watch.done((k + 1, files.len()), "file", format!("{file}: no use"))?;
+                faults.push(fault);
+            }
+        }
+    }
+    match faults.len() {
+        0 => {
+            let mut report = Report::default();
+            report.set("files", all);
+            Ok(Outcome::new(table.text(), &report))
+        }
+        1 => Err(faults.swap_remove(0)),
+        n => {
+            let each: Vec<String> = faults.iter().map(Failure::to_string).collect();
+            let what = format!("{n} files cannot be used\n{}", each.join("\n"));
+            Err(Failure::new(faults[0].exit, "check", what))
+        }
+    }
+}
+
+/// Where files are tried.
+struct Room<'a> {
+    who: (&'a Avatar, Option<&'a Hero>),
+    options: &'a DressOptions,
+}
+
+impl Room<'_> {
+    fn look(&self, path: &Path) -> Result<Found, Failure> {
+        let file = muslin_io::name(path);
+        match kind(path)? {
+            Kind::Garment => self.garment(path),
+            Kind::Fabric => fabric_of(path),
+            Kind::Motion => self.motion(path),
+            Kind::Character => self.character(path),
+            Kind::Model => self.model(path),
+            Kind::Clip => clip(path),
+            Kind::Photo => photo(path),
+        }
+        .map_err(|fault| match fault.place.is_empty() {
+            true => fault.at(file),
+            false => fault,
+        })
+    }
+
+    /// A garment, put on.
+    fn garment(&self, path: &Path) -> Result<Found, Failure> {
+        let dress = DressOptions {
+            outfit: vec![Wear::parse(&path.to_string_lossy())],
+            ..self.options.clone()
+        };
+        let mut warnings = Vec::new();
+        let outfit = Outfit::make_for(self.who, &dress, |w: &str| warnings.push(w.to_owned()))?;
+        let (figure, ..) = asked_figure(self.who.0, &dress)?;
+        warnings.extend(self.caught(&outfit, &figure)?);
+        let openings = |p: &crate::outfit::Piece| p.garment.rims.len();
+        let n: usize = outfit.pieces.iter().map(openings).sum();
+        Ok(Found {
+            kind: "garment",
+            told: format!("{}; {}", tell::pieces(&outfit), count(n, "opening")),
+            warnings,
+        })
+    }
+
+    /// Where it does not lie clean on who wears it.
+    fn caught(
+        &self,
+        outfit: &Outfit,
+        figure: &muslin_body::Figure,
+    ) -> Result<Option<String>, Failure> {
+        let avatar = self.who.0;
+        let (pose, stood) = avatar.dressing(figure);
+        let worn = put_on(avatar, outfit, &stood)?;
+        let settled = led((avatar, figure), &pose, (outfit, &worn))?;
+        let (inside, crossed) = (settled.body_intersections, settled.self_crossings);
+        Ok((inside + crossed > 0).then(|| {
+            format!(
+                "put on and at rest it meets the body in {inside} places and itself in {crossed}: no job may get out of that"
+            )
+        }))
+    }
+
+    fn motion(&self, path: &Path) -> Result<Found, Failure> {
+        let options = SimulateOptions {
+            dress: self.options.clone(),
+            motion: path.to_string_lossy().into_owned(),
+            ..SimulateOptions::default()
+        };
+        let (figure, ..) = asked_figure(self.who.0, self.options)?;
+        let moving = motion::load(self.who, &figure, &options)?;
+        let fps = moving.motion.fps;
+        Ok(Found {
+            kind: "motion",
+            told: format!(
+                "{:.2} s; limbs turn by up to {:.0} degrees to make room for cloth",
+                moving.frames() as f64 / fps,
+                moving.turned.to_degrees()
+            ),
+            warnings: moving.warnings,
+        })
+    }
+
+    /// A character, as garments would be put on it.
+    fn character(&self, path: &Path) -> Result<Found, Failure> {
+        let options = DressOptions {
+            body: Some(path.to_owned()),
+            ..self.options.clone()
+        };
+        let hero = Hero::load(&options)?;
+        let avatar = avatar_of(hero.as_ref())?;
+        let stands = standing(&avatar, hero.as_ref(), &options)?;
+        let clips = hero.map_or_else(Vec::new, |h| h.file.clips);
+        let clips = match clips.is_empty() {
+            true => "no animations".to_owned(),
+            false => format!("animations {}", clips.join(", ")),
+        };
+        Ok(Found {
+            kind: "character",
+            told: format!("{}; {clips}", stands.told),
+            warnings: stands.warnings,
+        })
+    }
+
+    /// A trained garment, held against what is cut today.
+    fn model(&self, path: &Path) -> Result<Found, Failure> {
+        let model = read_model(path)?;
+        wants_character(&model, self.who.1)?;
+        let options = SimulateOptions {
+            dress: self.options.clone(),
+            ..SimulateOptions::default()
+        };
+        let dress = as_trained(std::slice::from_ref(&model), &options)?.dress;
+        let mut warnings = Vec::new();
+        let outfit = Outfit::make_for(self.who, &dress, |w: &str| warnings.push(w.to_owned()))?;
+        fits(&model, &outfit.pieces[0].garment)?;
+        let any = |what: &str, name: &str| match note_of(&model, name) {
+            "any" => format!("any {what}"),
+            _ => format!("one {what}"),
+        };
+        let knows = [("fabric", "fabrics"), ("body", "shapes"), ("size", "sizes")];
+        let knows: Vec<String> = knows.iter().map(|(what, name)| any(what, name)).collect();
+        Ok(Found {
+            kind: "trained garment",
+            told: format!(
+                "{} by {}, for {}; {} codes",
+                note_of(&model, "garment"),
+                note_of(&model, "system"),
+                knows.join(", "),
+                model.n_codes()
+            ),
+            warnings,
+        })
+    }
+}
+
+fn fabric_of(path: &Path) -> Result<Found, Failure> {
+    let (fabric, warnings) = fabric::find(&path.to_string_lossy())?;
+    Ok(Found {
+        kind: "fabric",
+        told: format!(
+            "{}, {:.0} g/m2, stretch {:.0} and {:.0} N/m",
+            fabric.name,
+            fabric.density * 1e3,
+            fabric.stretch_warp,
+            fabric.stretch_weft
+        ),
+        warnings,
+    })
+}
+
+fn clip(path: &Path) -> Result<Found, Failure> {
+    let clip = read_clip(path).map_err(|e| file_failure(&e))?;
+    let body = match clip.body.is_empty() {
+        true => "no body",
+        false => "a body",
+    };
+    Ok(Found {
+        kind: "animated cloth",
+        told: format!(
+            "{}, {}, {body}",
+            count(clip.drape.frames.len(), "frame"),
+            count(clip.garments().len(), "garment")
+        ),
+        warnings: Vec::new(),
+    })
+}
+
+fn photo(path: &Path) -> Result<Found, Failure> {
+    let photo = read_photo(path, &PhotoLimits::default()).map_err(|e| file_failure(&e))?;
+    let n = people(&photo)?;
+    let who = if n == 1 { "person" } else { "people" };
+    Ok(Found {
+        kind: "photo",
+        told: format!("{} x {}, {n} {who}", photo.image.width, photo.image.height),
+        warnings: Vec::new(),
+    })
+}
+
+/// As in `1 frame` and `2 frames`.
+fn count(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+/// Files with more bytes are not looked into for what they are.
+const MAX_BYTES: u64 = 512 << 20;
+
+/// What a file may be, by its ending and, where that says too little, by what is in it.
+fn kind(path: &Path) -> Result<Kind, Failure> {
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    let holds = |what: &[u8]| {
+        let input = read_file(path, MAX_BYTES).map_err(|e| file_failure(&e))?;
+        let bytes = &input.bytes;
+        Ok::<bool, Failure>(bytes.windows(what.len()).any(|w| w == what))
+    };
+    Ok(match ending.to_lowercase().as_str() {
+        _ if path.is_dir() => Kind::Clip,
+        "obj" => Kind::Garment,
+        "json" if holds(b"\"panels\"")? => Kind::Garment,
+        "json" | "toml" | "u3m" | "u3ma" => Kind::Fabric,
+        "npz" if holds(b"cloth.npy")? => Kind::Clip,
+        "bvh" | "npz" => Kind::Motion,
+        "glb" if holds(b"\"rest_corners\"")? => Kind::Clip,
+        "glb" | "gltf" | "vrm" => Kind::Character,
+        "pc2" => Kind::Clip,
+        "muslin" => Kind::Model,
+        "jpg" | "jpeg" | "png" | "webp" => Kind::Photo,
+        _ => {
+            let what = "no kind of file that is read here";
+            let fault = Failure::new(Exit::Invalid, "unknown-kind", what);
+            return Err(fault.at(muslin_io::name(path)).hint(
+                "garments are .obj and .json, fabrics .toml, .u3m and .u3ma, motions .bvh and .npz, characters .glb, .gltf and .vrm, photos .jpg, .png and .webp",
+            ));
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_are_told_by_endings_and_by_what_is_inside() {
+        let folder = std::env::temp_dir().join(format!("muslin-check-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a temporary folder");
+        let put = |name: &str, text: &str| {
+            let path = folder.join(name);
+            std::fs::write(&path, text).expect("a small file");
+            kind(&path).map_err(|f| f.code)
+        };
+        assert_eq!(put("a.OBJ", ""), Ok(Kind::Garment));
+        assert_eq!(put("a.json", "{ \"panels\": {} }"), Ok(Kind::Garment));
+        assert_eq!(put("b.json", "{ \"weave\": 1 }"), Ok(Kind::Fabric));
+        assert_eq!(put("a.npz", "PK cloth.npy"), Ok(Kind::Clip));
+        assert_eq!(put("b.npz", "PK poses.npy"), Ok(Kind::Motion));
+        assert_eq!(put("a.vrm", ""), Ok(Kind::Character));
+        assert_eq!(put("a.docx", ""), Err("unknown-kind"));
+        assert_eq!(kind(&folder).map_err(|f| f.code), Ok(Kind::Clip));
+        std::fs::remove_dir_all(&folder).expect("our own folder");
+        let gone = kind(&folder.join("c.json")).expect_err("it is gone");
+        assert_eq!(gone.exit, Exit::Files);
+    }
+}
