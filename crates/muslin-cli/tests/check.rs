@@ -2,41 +2,11 @@
 
 mod common;
 
-use common::{Folder, errors, muslin};
+use common::{Folder, errors, muslin, tube};
 
 /// A file of the repository.
 fn asset(name: &str) -> String {
     format!("{}/../../assets/{name}", env!("CARGO_MANIFEST_DIR"))
-}
-
-/// A tube of 12 sides, open at both ends or closed at one or both, in metres.
-fn tube((radius, height): (f64, f64), lids: usize) -> Vec<u8> {
-    let mut text = String::new();
-    let rows = 8;
-    for r in 0..rows {
-        for k in 0..12 {
-            let t = f64::from(k) * std::f64::consts::TAU / 12.0;
-            let y = height * f64::from(r) / f64::from(rows - 1);
-            text += &format!("v {} {y} {}\n", radius * t.sin(), radius * t.cos());
-        }
-    }
-    let at = |r: i32, k: i32| 12 * r + k % 12 + 1;
-    for r in 0..rows - 1 {
-        for k in 0..12 {
-            let corners = [at(r, k), at(r, k + 1), at(r + 1, k + 1), at(r + 1, k)];
-            text += &format!(
-                "f {} {} {} {}\n",
-                corners[0], corners[1], corners[2], corners[3]
-            );
-        }
-    }
-    for r in [0, rows - 1].into_iter().take(lids) {
-        for k in 1..11 {
-            let [b, c] = if r == 0 { [k + 1, k] } else { [k, k + 1] };
-            text += &format!("f {} {} {}\n", at(r, 0), at(r, b), at(r, c));
-        }
-    }
-    text.into_bytes()
 }
 
 #[test]
@@ -68,8 +38,8 @@ fn what_can_be_used_is_told_in_a_table_and_as_json() {
 #[test]
 fn what_cannot_is_refused_in_words_all_of_it() {
     let folder = Folder::new("refused");
-    let solid = folder.put("solid.obj", &tube((0.3, 0.5), 2));
-    let hat = folder.put("hat.obj", &tube((0.4, 0.3), 1));
+    let solid = folder.put("solid.obj", tube((0.3, 0.3), 0.5, 2).as_bytes());
+    let hat = folder.put("hat.obj", tube((0.4, 0.4), 0.3, 1).as_bytes());
     let out = muslin(&["check", &solid]);
     assert_eq!(out.status.code(), Some(3), "{}", errors(&out));
     assert!(errors(&out).contains("it is closed"), "{}", errors(&out));

@@ -5,7 +5,7 @@ mod common;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Output, Stdio};
 
-use common::{Folder, errors, muslin, typed};
+use common::{Folder, errors, muslin, tube, typed};
 
 /// A short training of a coarse tee.
 const TRAIN: [&str; 14] = [
@@ -560,4 +560,36 @@ fn pbns_learns_to_resize_a_garment_and_plays_it_on_others() {
     assert!(report.contains("\"not_taught\": []"), "{report}");
     let own = raw(&folder, &model, &[]);
     assert!(wide.drape.frames[0] != own.drape.frames[0]);
+}
+
+#[test]
+fn pieces_of_a_file_are_taught_one_by_one_by_their_numbers() {
+    let folder = Folder::new("pieces");
+    let [inner, outer] = [0.0, 0.03].map(|more| tube((0.22 + more, 0.125 + more), 0.5, 0));
+    let file = folder.put("two.obj", format!("{inner}{outer}").as_bytes());
+    let model = folder.at("two.muslin");
+    let teach = |garment: &str| {
+        let line = format!(
+            "train --garment {garment} --motion walk --motion wave --mixed 0 --steps 4 --edge 25 --codes 4 -o {model}"
+        );
+        typed(&line)
+    };
+    let both = teach(&file);
+    assert_eq!(both.status.code(), Some(2), "{}", errors(&both));
+    for part in ["error[several-pieces]", "two-1, two-2", "FILE.obj#1"] {
+        assert!(errors(&both).contains(part), "{part}: {}", errors(&both));
+    }
+    let third = teach(&format!("{file}#3"));
+    assert!(
+        errors(&third).contains("no-such-piece"),
+        "{}",
+        errors(&third)
+    );
+    let second = teach(&format!("{file}#2"));
+    assert_eq!(second.status.code(), Some(0), "{}", errors(&second));
+    let glb = folder.at("walk.glb");
+    let played = typed(&format!(
+        "animate --model {model} --motion walk --seconds 0.2 --refine 0 -o {glb}"
+    ));
+    assert_eq!(played.status.code(), Some(0), "{}", errors(&played));
 }

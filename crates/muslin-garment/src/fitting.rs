@@ -231,13 +231,12 @@ fn bring_back(x: &mut [DVec3], weights: &Sparse, posed: &Posed) {
 }
 
 /// Draws cloth out of the skin, keeping its shape, while hands and feet grow: a mesh was made for others than ours. What
-/// `ends` at a hand or a foot has it inside already, and fingers that would be smoothed away.
+/// `ends` at a hand or a foot has fingers or toes that would be smoothed away.
 fn draw(cloth: &Elastic, x: &mut [DVec3], (mut body, ends): (Growing, bool)) {
     let mut memory = Memory::default();
     for round in 0..ROUNDS {
         if round % 4 == 0 {
-            let grown = 1.3 * round as f64 / ROUNDS as f64;
-            body.grow(if ends { 1.0 } else { grown.min(1.0) });
+            body.grow((1.3 * round as f64 / ROUNDS as f64).min(1.0));
         }
         let outside = [Outside {
             surface: &body.skin,
@@ -246,10 +245,9 @@ fn draw(cloth: &Elastic, x: &mut [DVec3], (mut body, ends): (Growing, bool)) {
         }];
         let how = Round {
             stitch: 0.0,
-            smooth: if round < ROUNDS / 2 && !ends {
-                0.3
-            } else {
-                0.05
+            smooth: match ends || round >= ROUNDS / 2 {
+                true => 0.05,
+                false => 0.3,
             },
             most: 0.008,
             slack: if round < ROUNDS / 3 { 0.0 } else { FOLDS },

@@ -31,7 +31,18 @@ const TIGHT: f64 = 0.12;
 
 /// Whether an asked garment is a file rather than a name of the wardrobe.
 pub(crate) fn is_file(asked: &str) -> bool {
-    kind(asked).is_some() || asked.contains(['/', '\\'])
+    kind(numbered(asked).0).is_some() || asked.contains(['/', '\\'])
+}
+
+/// The file that is asked for, and which of its pieces, from 1, if only one: `suit.obj#2`.
+fn numbered(asked: &str) -> (&str, Option<usize>) {
+    match asked.rsplit_once('#') {
+        Some((file, n)) if !Path::new(asked).exists() => match n.parse() {
+            Ok(n) => (file, Some(n)),
+            Err(_) => (asked, None),
+        },
+        _ => (asked, None),
+    }
 }
 
 fn kind(asked: &str) -> Option<String> {
@@ -112,8 +123,28 @@ pub(crate) fn led(
     drape(&cloth, &start, body, &options).map_err(numbers)
 }
 
-/// Reads and makes the garments in the file at `path`, with triangles of about `edge` [m].
-pub(crate) fn load(avatar: &Avatar, path: &str, edge: f64) -> Result<Brought, Failure> {
+/// Reads and makes the garments in a file, or that of them which is `asked` for by number, with triangles of about
+/// `edge` [m].
+pub(crate) fn load(avatar: &Avatar, asked: &str, edge: f64) -> Result<Brought, Failure> {
+    let (path, number) = numbered(asked);
+    let mut all = read(avatar, path, edge)?;
+    let Some(number) = number else {
+        return Ok(all);
+    };
+    let names: Vec<String> = all.garments.iter().map(|g| g.name.clone()).collect();
+    let (n, own) = (names.len(), format!("{}-{number}", name(path)));
+    all.garments
+        .retain(|g| g.name == own || n == 1 && number == 1);
+    if all.garments.is_empty() {
+        let what = format!("it has no piece {number}");
+        return Err(Failure::new(Exit::Usage, "no-such-piece", what)
+            .at(path)
+            .hint(format!("it holds {}", names.join(", "))));
+    }
+    Ok(all)
+}
+
+fn read(avatar: &Avatar, path: &str, edge: f64) -> Result<Brought, Failure> {
     let input = read_file(Path::new(path), MAX_BYTES).map_err(|e| file_failure(&e))?;
     let name = name(path);
     let sha256 = input.sha256();
@@ -194,6 +225,8 @@ mod tests {
     #[test]
     fn files_are_told_from_names_by_their_ending_or_folder() {
         assert!(is_file("a.json") && is_file("b/c.OBJ") && is_file("./tee"));
+        assert!(is_file("suit.obj#2") && numbered("a/suit.obj#2") == ("a/suit.obj", Some(2)));
+        assert_eq!(numbered("a#b.obj"), ("a#b.obj", None));
         assert!(!is_file("tee") && !is_file("long-sleeve"));
         assert_eq!(name("x/shirt_mean_specification.json"), "shirt_mean");
     }

@@ -302,7 +302,9 @@ fn kind(path: &Path) -> Result<Kind, Failure> {
         let bytes = &input.bytes;
         Ok::<bool, Failure>(bytes.windows(what.len()).any(|w| w == what))
     };
-    Ok(match ending.to_lowercase().as_str() {
+    // A piece of a file has its number behind it.
+    let ending = ending.split('#').next().unwrap_or_default().to_lowercase();
+    Ok(match ending.as_str() {
         _ if path.is_dir() => Kind::Clip,
         "obj" => Kind::Garment,
         "json" if holds(b"\"panels\"")? => Kind::Garment,

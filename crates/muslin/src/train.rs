@@ -21,8 +21,9 @@ use muslin_train::published::{Published, System};
 use muslin_train::{Told, Trainer, Training, placed};
 
 use crate::animate::read_model;
+use crate::brought::is_file;
 use crate::dress::file_failure;
-use crate::failure::Failure;
+use crate::failure::{Exit, Failure};
 use crate::hero::{Hero, avatar_of, body_note, standing};
 use crate::options::DressOptions;
 use crate::outcome::Outcome;
@@ -147,6 +148,7 @@ impl School<'_, '_> {
         let note = |w: &str| warnings.push(w.to_owned());
         let outfit = Outfit::make_for((avatar, self.hero), &self.options.dress, note)?;
         warnings.iter().for_each(|w| self.watch.warn(w));
+        one_each(&self.options.dress, &outfit)?;
         let base = self.hero.map(|h| &h.base);
         let mut class = Class::new((avatar, figure), (&outfit, base), self.options)?;
         if let Some(path) = &self.options.from {
@@ -399,6 +401,26 @@ impl School<'_, '_> {
         r.set("last_batch", energies(last));
         self.report.set("learning", r);
     }
+}
+
+/// Refuses a file of several garments: each of them has a model of its own.
+fn one_each(asked: &DressOptions, outfit: &Outfit) -> Result<(), Failure> {
+    let (n, all) = (asked.outfit.len(), outfit.pieces.len());
+    if n == all {
+        return Ok(());
+    }
+    let file = asked.outfit.iter().map(|w| w.garment.as_str());
+    let file = file.filter(|g| is_file(g)).collect::<Vec<_>>().join(", ");
+    let names: Vec<&str> = (outfit.pieces.iter())
+        .map(|p| p.garment.name.as_str())
+        .collect();
+    let what = format!(
+        "{all} garments where {n} are asked for: {}",
+        names.join(", ")
+    );
+    Err(Failure::new(Exit::Usage, "several-pieces", what)
+        .at(file)
+        .hint("teach them one by one, by their numbers: FILE.obj#1, FILE.obj#2; `animate` wears all of them"))
 }
 
 /// Whether any was taught, in the words of a note.

@@ -56,3 +56,32 @@ impl Drop for Folder {
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
+
+/// A tube of 24 sides as OBJ, as wide below and above as the two radii, open at both ends or closed at one or both.
+pub fn tube((below, above): (f64, f64), height: f64, lids: usize) -> String {
+    let (mut text, rows, sides) = (String::new(), 10, 24);
+    for r in 0..rows {
+        let share = f64::from(r) / f64::from(rows - 1);
+        let radius = below + share * (above - below);
+        for k in 0..sides {
+            let t = f64::from(k) / f64::from(sides) * std::f64::consts::TAU;
+            let [x, y, z] = [radius * t.sin(), height * share, radius * t.cos()];
+            text += &format!("v {x} {y} {z}\n");
+        }
+    }
+    // From the end, so that several tubes may stand in one file.
+    let at = |r: i32, k: i32| sides * (r - rows) + k % sides;
+    for r in 0..rows - 1 {
+        for k in 0..sides {
+            let [a, b] = [at(r, k), at(r, k + 1)];
+            text += &format!("f {a} {b} {} {}\n", at(r + 1, k + 1), at(r + 1, k));
+        }
+    }
+    for r in [0, rows - 1].into_iter().take(lids) {
+        for k in 1..sides - 1 {
+            let [b, c] = if r == 0 { [k + 1, k] } else { [k, k + 1] };
+            text += &format!("f {} {} {}\n", at(r, 0), at(r, b), at(r, c));
+        }
+    }
+    text
+}
