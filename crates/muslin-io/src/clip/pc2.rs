@@ -237,7 +237,7 @@ fn beside_from(file: &str, text: &str) -> Result<Beside, IoError> {
         match words.as_slice() {
             ["#", "fps", ..] => out.fps = number(2).filter(|&f| f > 0.0 && f.is_finite()),
             ["#", "layer", ..] => out.layer = number(2).unwrap_or(0.0),
-            ["#", "fabric", name, ..] => out.fabric = (*name).to_owned(),
+            ["#", "fabric", name @ ..] => out.fabric = name.join(" "),
             ["#", "pins", pins @ ..] => {
                 let pins = pins.iter().map(|p| p.parse().ok().filter(|&i| i > 0));
                 let pins: Option<Vec<u32>> = pins.collect();

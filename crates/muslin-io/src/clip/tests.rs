@@ -32,7 +32,7 @@ fn sample() -> Clip {
         rest: frame(0.0),
         corners,
         pins: vec![1, 2, 6],
-        fabrics: vec!["denim".into(), String::new()],
+        fabrics: vec!["my own twill".into(), String::new()],
     }
 }
 
