@@ -320,6 +320,10 @@ pub struct Train {
     /// better at 1 [default: 1.5].
     #[arg(long, value_name = "POWER")]
     pub fairness: Option<f64>,
+    /// Let the cloth go so many small steps by itself after every prediction, and learn from the mean of the forces on
+    /// the way: what --refine would mend counts less [default: 0].
+    #[arg(long, value_name = "STEPS")]
+    pub relax: Option<usize>,
     /// Step size of the network [default: 0.003; of published systems as published].
     #[arg(long)]
     pub rate: Option<f64>,
@@ -725,6 +729,7 @@ impl Train {
             without_gravity: self.without_gravity,
             augment: self.augment,
             fairness: self.fairness,
+            relaxed: self.relax,
             seed: self.seed,
             rate: self.rate,
             device: self.device.into(),

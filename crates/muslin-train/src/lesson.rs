@@ -73,6 +73,9 @@ pub struct Plan {
     /// that differs from pose to pose: poses that are nearer to each other than this are to give much the same cloth,
     /// also where none was taught.
     pub blur: f32,
+    /// Steps that cloth goes by itself after every prediction before it is learnt from, as a solver's first steps would lead
+    /// it: what these mend counts less, so that what is learnt is where refined cloth comes to lie. On cores alone.
+    pub relaxed: usize,
     /// Where random numbers start.
     pub seed: u64,
 }
@@ -95,6 +98,7 @@ impl Default for Plan {
             fair: 0.01,
             fairness: 1.5,
             blur: 0.05,
+            relaxed: 0,
             seed: 1,
         }
     }

@@ -26,7 +26,14 @@ pub fn placed(trainer: Trainer<'_>, place: Place) -> Result<Placed<'_>, TrainErr
     if place == Place::Cores {
         return Ok(on_cores(Box::new(trainer)));
     }
-    match on_device(trainer) {
+    let tried = match trainer.plan.relaxed {
+        0 => on_device(trainer),
+        _ => {
+            let why = "cloth is let go before it is learnt from on cores alone";
+            Err((Box::new(trainer), TrainError::Device(why.into())))
+        }
+    };
+    match tried {
         Err((_, why)) if place == Place::Cuda => Err(why),
         Err((trainer, _)) => Ok(on_cores(trainer)),
         Ok(placed) => Ok(placed),

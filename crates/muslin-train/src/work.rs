@@ -1,5 +1,7 @@
 //! One pack: prediction, laws, and the way back to the parameters.
 
+mod let_go;
+
 use glam::DVec3;
 use muslin_net::learn::{MlpTape, View, multiply};
 use rayon::prelude::*;
@@ -29,6 +31,8 @@ pub(crate) struct Work {
     pub codes: Vec<f32>,
     pub walls: Vec<[f32; 6]>,
     pub energies: Energies,
+    /// What the cloth costs once it was let go, if it was.
+    pub relaxed: Option<Energies>,
     pub under: f64,
     /// How much each pose counts.
     pub counts: Row,
@@ -58,6 +62,7 @@ impl Trainer<'_> {
         let codes = View::new(&codes, k, LANES);
         let mut x = vec![[0.0; LANES]; 3 * n];
         multiply(x.as_flattened_mut(), 0.0, modes, codes);
+        let at_rest = (self.plan.relaxed > 0).then(|| x.clone());
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || self.carry(pack, &mut x),
@@ -71,6 +76,13 @@ impl Trainer<'_> {
             #[inline(always)]
             || self.ask((pack, &walls), (&x, &mut g), &mut work),
         );
+        if let Some(at_rest) = at_rest.filter(|_| work.broken.is_none()) {
+            pulp::Arch::new().dispatch(
+                #[inline(always)]
+                || work.relaxed = Some(self.let_go((pack, &walls), (at_rest, &mut g))),
+            );
+            work.broken = broken(&g);
+        }
         if work.broken.is_some() {
             return work;
         }
@@ -239,9 +251,14 @@ impl Trainer<'_> {
                 .powf(self.plan.fairness)
         });
         work.under = mean(under) / n as f64;
-        let sound = |row: &Row| row.iter().all(|x| x.is_finite());
-        work.broken = g.iter().position(|row| !sound(row)).map(|at| at / 3);
+        work.broken = broken(g);
     }
+}
+
+/// The first vertex whose gradient is not finite.
+fn broken(g: &[Row]) -> Option<usize> {
+    let sound = |row: &Row| row.iter().all(|x| x.is_finite());
+    g.iter().position(|row| !sound(row)).map(|at| at / 3)
 }
 
 #[cfg(test)]

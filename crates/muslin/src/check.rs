@@ -127,10 +127,12 @@ impl Room<'_> {
             Kind::Clip => clip(path),
             Kind::Photo => photo(path),
         }
-        .map_err(|fault| match fault.place.is_empty() {
-            true => fault.at(file),
-            false => fault,
-        })
+        .map_err(
+            |fault| match fault.place.is_empty() && !fault.what.contains(&file) {
+                true => fault.at(file),
+                false => fault,
+            },
+        )
     }
 
     /// A garment, put on.

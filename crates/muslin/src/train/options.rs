@@ -50,6 +50,8 @@ pub struct TrainOptions {
     pub augment: Option<f64>,
     /// How steeply poses that cost much count for less in our own training; 1.5 if not said.
     pub fairness: Option<f64>,
+    /// Steps that cloth goes by itself in our own training before it is learnt from; none if not said.
+    pub relaxed: Option<usize>,
     /// Where random numbers start.
     pub seed: u64,
     /// Step size of the network, if not the usual one.
@@ -87,6 +89,7 @@ impl Default for TrainOptions {
             layers: None,
             augment: None,
             fairness: None,
+            relaxed: None,
             seed: Plan::default().seed,
             rate: None,
             device: Place::Any,
@@ -181,6 +184,11 @@ impl TrainOptions {
                 ours,
             ),
             (
+                "--relax",
+                self.relaxed.is_some() && self.system.is_some(),
+                ours,
+            ),
+            (
                 "--device",
                 self.device == Place::Cuda && self.system.is_some(),
                 ours,
@@ -242,6 +250,7 @@ impl TrainOptions {
         within("--layers", "", self.layers.map(|x| x as f64), (1.0, 16.0))?;
         within("--augment", "", self.augment, (0.0, 1.0))?;
         within("--fairness", "", self.fairness, (0.0, 3.0))?;
+        within("--relax", "", self.relaxed.map(|x| x as f64), (0.0, 64.0))?;
         within("--rate", "", self.rate, (1e-6, 0.1))?;
         within("--picture", "", self.picture.map(|x| x as f64), (1.0, 1e7))?;
         if self.dress.outfit.len() != 1 && self.system != Some(System::Pbns) {
@@ -272,6 +281,7 @@ impl TrainOptions {
             seed: self.seed,
             rate: self.rate.map_or(usual.rate, |r| r as f32),
             fairness: self.fairness.map_or(usual.fairness, |p| p as f32),
+            relaxed: self.relaxed.unwrap_or(usual.relaxed),
             ..usual
         }
     }
