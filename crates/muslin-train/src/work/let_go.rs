@@ -5,7 +5,7 @@ use crate::cut::Cut;
 use crate::lanes::{LANES, Row};
 use crate::trainer::{Energies, Trainer};
 
-/// Share of Jacobi's step: less than half of it never makes cloth cost more.
+/// Share of Jacobi's step: whole ones overshoot where neighbours are led the same way.
 const SHARE: f32 = 0.5;
 
 impl Trainer<'_> {
