@@ -32,14 +32,6 @@ impl Report {
         self
     }
 
-    /// All of `more` after what is here.
-    pub fn with(mut self, more: Report) -> Self {
-        for (name, value) in more.entries {
-            self.set(&name, value);
-        }
-        self
-    }
-
     /// The value called `name`.
     pub fn get(&self, name: &str) -> Option<&Value> {
         self.entries.iter().find(|(n, _)| n == name).map(|(_, v)| v)

@@ -89,12 +89,7 @@ pub(crate) fn dressed(
 ) -> Result<Vec<Worn>, Failure> {
     let (pose, stood) = stands;
     let mut worn = put_on(avatar, outfit, stood)?;
-    if outfit.pieces.iter().all(|p| p.sha256.is_none()) {
-        return Ok(worn);
-    }
-    let standard = avatar.standard().map_err(|e| body_failure(&e))?;
-    let alone = outfit.pieces.len() == 1 && outfit.cut_for.is_none();
-    if alone && stood.verts == standard.verts {
+    if outfit.pieces.iter().all(|p| p.sha256.is_none()) || lies(avatar, outfit, stood)? {
         return Ok(worn);
     }
     let settled = led((avatar, figure), pose, (outfit, &worn))?;
@@ -102,6 +97,13 @@ pub(crate) fn dressed(
         worn.verts = settled.verts[part.verts].to_vec();
     }
     Ok(worn)
+}
+
+/// Whether a garment of a file lies as it came to rest when it was read: alone, on the default body.
+pub(crate) fn lies(avatar: &Avatar, outfit: &Outfit, stood: &Figure) -> Result<bool, Failure> {
+    let standard = avatar.standard().map_err(|e| body_failure(&e))?;
+    let alone = outfit.pieces.len() == 1 && outfit.cut_for.is_none();
+    Ok(alone && stood.verts == standard.verts)
 }
 
 /// What is put on, at rest on a standing figure.

@@ -11,7 +11,7 @@ use muslin_geom::{Report, Value};
 use muslin_io::{PhotoLimits, read_clip, read_file, read_photo};
 
 use crate::animate::{as_trained, fits, note_of, read_model, wants_character};
-use crate::brought::led;
+use crate::brought::{led, lies};
 use crate::drape::put_on;
 use crate::dress::{asked_figure, file_failure, people};
 use crate::fabric;
@@ -154,7 +154,7 @@ impl Room<'_> {
         })
     }
 
-    /// Where it does not lie clean on who wears it.
+    /// Where it does not lie clean on who wears it; of what lies as it was read, that was said.
     fn caught(
         &self,
         outfit: &Outfit,
@@ -162,6 +162,9 @@ impl Room<'_> {
     ) -> Result<Option<String>, Failure> {
         let avatar = self.who.0;
         let (pose, stood) = avatar.dressing(figure);
+        if lies(avatar, outfit, &stood)? {
+            return Ok(None);
+        }
         let worn = put_on(avatar, outfit, &stood)?;
         let settled = led((avatar, figure), &pose, (outfit, &worn))?;
         let (inside, crossed) = (settled.body_intersections, settled.self_crossings);

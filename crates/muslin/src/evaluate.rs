@@ -60,7 +60,7 @@ pub struct Evaluation {
 /// (which the report then says). The same clip gives the same figures on any number of threads.
 pub fn evaluate(clip: &Clip, against: Option<&Clip>) -> Result<Evaluation, Failure> {
     judge(clip, |cloth, frames| {
-        let told = against.map(|truth| compare(clip, truth, cloth, frames));
+        let told = against.map(|t| compare(clip, (t, Report::default()), cloth, frames));
         told.transpose()
     })
 }
@@ -128,8 +128,8 @@ pub fn evaluate_file(
         Some(Against::Simulator) => {
             let solver = solver()?;
             judge(&clip, |cloth, frames| {
-                let told = compare(&clip, &solver.simulated(watch)?, cloth, frames)?;
-                Ok(Some(solver.simulator().with(told)))
+                let truth = (&solver.simulated(watch)?, solver.told("simulator"));
+                compare(&clip, truth, cloth, frames).map(Some)
             })
         }
     }?;
@@ -362,7 +362,7 @@ fn time(clip: &Clip, frames: &[Frame]) -> Report {
 
 fn compare(
     clip: &Clip,
-    truth: &Clip,
+    (truth, mut r): (&Clip, Report),
     cloth: &Reference,
     frames: &[Frame],
 ) -> Result<Report, Failure> {
@@ -390,7 +390,6 @@ fn compare(
         gaps.push(frame.total() - theirs.total());
         accelerations.extend(theirs.acceleration);
     }
-    let mut r = Report::default();
     distances.tell(&mut r);
     r.set("energy_gap_J", mean(gaps));
     r.set("their_acceleration_mean_m_s2", mean(accelerations));

@@ -2,7 +2,7 @@
 //! beside them.
 
 use super::clean::{Piece, extent, middle};
-use super::place::{Found, UNITS, arms_turned, axes, told};
+use super::place::{Found, UNITS, arms_turned, axes, off_skin, told};
 use crate::GarmentError;
 use crate::growing::{FOOT, HAND};
 use crate::stand::{Limbs, SIDES, Stand, limb_share};
@@ -163,16 +163,11 @@ impl Search {
         let mut sum = 0.0;
         for ((piece, &end), covers) in self.pieces.iter().zip(&ends).zip(&self.covers) {
             let at: Vec<DVec3> = piece.iter().map(|p| *p * scale + shift).collect();
-            let off = |p: &DVec3| {
-                let d = self.skin.closest(*p, FAR).map_or(FAR, |h| h.signed);
-                if d < 0.0 { (4.0 * -d).min(FAR) } else { d }
-            };
-            let near = at.iter().map(off).sum::<f64>() / at.len() as f64;
             let bare = |s: &DVec3| {
                 let nearest = at.iter().map(|p| p.distance(*s)).fold(FAR, f64::min);
                 (nearest - COVERED).max(0.0)
             };
-            sum += near;
+            sum += off_skin(&self.skin, at.iter().copied(), FAR);
             if *covers {
                 let skin = &self.ends[end].skin;
                 sum += BARE * skin.iter().map(bare).sum::<f64>() / skin.len() as f64;
@@ -189,38 +184,40 @@ impl Search {
         let size = self.pieces.iter().map(|p| extent(p)).fold(0.0, f64::max);
         let fits = |s: f64| (SIZES.0..SIZES.1).contains(&(size * s));
         let floor = (self.skin.verts().iter().map(|v| v.y)).fold(f64::MAX, f64::min);
-        let mut best: Option<(f64, f64, DVec3, String)> = None;
-        let mut look = |cost: f64, s: f64, shift: DVec3, how: String| {
-            if best.as_ref().is_none_or(|b| cost < b.0) {
-                best = Some((cost, s, shift, how));
-            }
+        let least = |all: Vec<(f64, f64, DVec3, String)>| {
+            all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
         };
-        for (s, unit) in UNITS.iter().filter(|u| fits(u.0)) {
+        let units: Vec<_> = UNITS.iter().filter(|u| fits(u.0)).collect();
+        let mut stands = Vec::new();
+        for (s, unit) in &units {
             for (y, from) in [(0.0, "the body's middle"), (floor, "the floor")] {
                 let shift = DVec3::Y * y;
-                look(
+                stands.push((
                     self.cost(*s, shift),
                     *s,
                     shift,
                     format!("{unit} from {from}"),
-                );
+                ));
             }
         }
-        if best.as_ref().is_some_and(|b| b.0 < FITS) {
-            return best;
+        let stands = least(stands);
+        if stands.as_ref().is_some_and(|b| b.0 < FITS) {
+            return stands;
         }
-        let mut moved: Option<(f64, f64, DVec3, String)> = None;
-        for (s, unit) in UNITS.iter().filter(|u| fits(u.0)) {
+        let mut moved = Vec::new();
+        for (s, unit) in &units {
             for carrier in self.carriers() {
                 let (cost, shift) = self.slide(*s, carrier);
-                if moved.as_ref().is_none_or(|b| cost < b.0) {
-                    let how = format!("{unit} and moved to where it fits");
-                    moved = Some((cost, *s, shift, how));
-                }
+                moved.push((
+                    cost,
+                    *s,
+                    shift,
+                    format!("{unit} and moved to where it fits"),
+                ));
             }
         }
-        let stands = best.filter(|b| b.0 < LOST);
-        let moved = moved.filter(|m| m.0 < FITS);
+        let stands = stands.filter(|b| b.0 < LOST);
+        let moved = least(moved).filter(|m| m.0 < FITS);
         match (stands, moved) {
             (Some(stands), Some(moved)) if moved.0 > 0.85 * stands.0 => Some(stands),
             (stands, moved) => moved.or(stands),

@@ -115,6 +115,20 @@ pub(super) fn axes() -> [(&'static str, DMat3); 2] {
     ]
 }
 
+/// Mean distance of points from the skin [m], none farther than `far`; those inside count four times.
+pub(super) fn off_skin(
+    skin: &Surface,
+    points: impl ExactSizeIterator<Item = DVec3>,
+    far: f64,
+) -> f64 {
+    let n = points.len() as f64;
+    let off = |p: DVec3| {
+        let d = skin.closest(p, far).map_or(far, |h| h.signed);
+        if d < 0.0 { (4.0 * -d).min(far) } else { d }
+    };
+    points.map(off).sum::<f64>() / n
+}
+
 /// What was decided, in a sentence.
 pub(super) fn told(how: &str, up: &str, off: f64) -> String {
     let off = off * 1e3;
@@ -156,13 +170,8 @@ impl Search {
 
     /// Mean distance from the skin [m], far more for points inside.
     fn cost(&self, scale: f64, shift: DVec3) -> f64 {
-        let one = |p: &DVec3| {
-            let p = *p * scale + shift;
-            let d = self.skin.closest(p, FAR).map_or(FAR, |h| h.signed);
-            if d < 0.0 { (4.0 * -d).min(FAR) } else { d }
-        };
-        let near = self.points.iter().map(one).sum::<f64>() / self.points.len() as f64;
-        near + self.beside(scale, shift)
+        let at = self.points.iter().map(|p| *p * scale + shift);
+        off_skin(&self.skin, at, FAR) + self.beside(scale, shift)
     }
 
     /// How far the openings' middles are from the limbs that go through them on average [m].

@@ -39,7 +39,8 @@ impl Reference {
     /// The reference cloth in the clip's rest shape.
     pub fn of(clip: &Clip) -> Self {
         let faces = &clip.drape.faces;
-        let ((rest_from, solid), corners) = corners(clip);
+        let (rest_from, solid) = rest_shape(clip);
+        let corners = corners(clip);
         let patches: Vec<_> = corners.iter().map(|c| RestTriangle::new(*c)).collect();
         let mut mass = vec![0.0; clip.n_verts()];
         for (face, patch) in faces.iter().zip(&patches) {
@@ -78,19 +79,24 @@ impl Reference {
     }
 }
 
-/// Where a clip's rest shape is from, the positions that it is if it is not a pattern, and every triangle's corners in it.
-#[expect(clippy::type_complexity, reason = "one caller takes all three apart")]
-pub fn corners(clip: &Clip) -> ((&'static str, Option<&[DVec3]>), Vec<[DVec2; 3]>) {
+/// Where a clip's rest shape is from, and the positions [m] that it is if it is not a pattern.
+fn rest_shape(clip: &Clip) -> (&'static str, Option<&[DVec3]>) {
     let frames = &clip.drape.frames;
     let finite = || frames.iter().find(|f| f.iter().all(|x| x.is_finite()));
-    let (rest_from, solid) = match (clip.corners.is_empty(), clip.rest.is_empty()) {
-        (false, _) => return (("pattern", None), clip.corners.clone()),
-        (true, false) => ("rest shape", &clip.rest),
-        _ => ("first frame", finite().unwrap_or(&frames[0])),
+    match (clip.corners.is_empty(), clip.rest.is_empty()) {
+        (false, _) => ("pattern", None),
+        (true, false) => ("rest shape", Some(&clip.rest)),
+        _ => ("first frame", Some(finite().unwrap_or(&frames[0]))),
+    }
+}
+
+/// Every triangle's corners at rest, flat [m].
+pub fn corners(clip: &Clip) -> Vec<[DVec2; 3]> {
+    let Some(x) = rest_shape(clip).1 else {
+        return clip.corners.clone();
     };
-    let flat = |f: &[u32; 3]| laid_flat(f.map(|i| solid[i as usize]));
-    let corners = clip.drape.faces.iter().map(flat).collect();
-    ((rest_from, Some(solid)), corners)
+    let flat = |f: &[u32; 3]| laid_flat(f.map(|i| x[i as usize]));
+    clip.drape.faces.iter().map(flat).collect()
 }
 
 /// The triangle in its own plane.

@@ -56,7 +56,7 @@ impl<'a> Solver<'a> {
         let faces = clip.drape.faces.len();
         let mut cloth = Cloth {
             faces: clip.drape.faces.clone(),
-            rest: corners(clip).1,
+            rest: corners(clip),
             materials: fabrics.iter().map(material).collect(),
             material_of: vec![0; faces],
             layers: vec![0; clip.n_verts()],
@@ -113,9 +113,7 @@ impl<'a> Solver<'a> {
             pairs += settled.body_intersections;
             crossings += settled.self_crossings;
         }
-        let mut r = Report::default();
-        r.set("by", "minimiser")
-            .set("fabric", self.fabrics.as_str());
+        let mut r = self.told("minimiser");
         r.set("frames", n)
             .set("energy_gap_J", gaps.iter().sum::<f64>());
         r.set("gap_of_stretch_J", gaps[0])
@@ -197,11 +195,10 @@ impl<'a> Solver<'a> {
         })
     }
 
-    /// Who the report says that the clip is held against, if it is what [`simulated`](Self::simulated) gave.
-    pub fn simulator(&self) -> Report {
+    /// The beginning of what is told of it: who the clip is held against, and in what fabric.
+    pub fn told(&self, by: &str) -> Report {
         let mut r = Report::default();
-        r.set("by", "simulator")
-            .set("fabric", self.fabrics.as_str());
+        r.set("by", by).set("fabric", self.fabrics.as_str());
         r
     }
 }

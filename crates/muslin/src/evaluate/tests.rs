@@ -247,7 +247,7 @@ fn the_simulator_goes_its_own_way_from_where_the_first_frame_comes_to_rest() {
     let e = evaluate(&clip, Some(&hung)).expect("the same cloth");
     assert!(figure(&e, "against", "energy_gap_J") > 0.0);
     assert_eq!(
-        solver.simulator().get("fabric"),
+        solver.told("simulator").get("fabric"),
         Some(&Value::Text("denim".into()))
     );
 }

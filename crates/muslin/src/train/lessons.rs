@@ -6,7 +6,7 @@ use glam::DVec2;
 use muslin_body::{Avatar, Figure, Motion, Sparse};
 use muslin_garment::{Fabric, Garment};
 use muslin_geom::Part;
-use muslin_model::Model;
+use muslin_model::{Model, ModelError, Player};
 use muslin_net::learn::Noise;
 use muslin_sim::Cloth;
 use muslin_train::published::System;
@@ -46,6 +46,14 @@ pub(super) struct Pupil {
     /// Where it lies around the body at rest [m].
     pub template: Vec<glam::DVec3>,
     pub traits: Vec<Trait>,
+}
+
+impl Pupil {
+    /// A player of `model` for this wearer.
+    pub fn player(&self, model: Model, avatar: &Avatar) -> Result<Player, ModelError> {
+        let told = |name: &str| Some(self.traits.iter().find(|t| t.0 == name)?.1);
+        Player::new(&model.told(told), avatar)
+    }
 }
 
 /// A garment as it is taught.

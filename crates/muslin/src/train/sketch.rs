@@ -7,7 +7,6 @@ use glam::DVec3;
 use muslin_body::{Avatar, Motion, Part, Pose};
 use muslin_geom::Image;
 use muslin_io::{png, write_file};
-use muslin_model::Player;
 use muslin_picture::{Ground, Options, Scene, Stage, View};
 use muslin_train::Training;
 
@@ -65,9 +64,9 @@ impl Sketch<'_> {
     }
 
     fn picture(&self, trainer: &dyn Training) -> Result<Image, Failure> {
-        let told = |name: &str| Some(self.pupil.traits.iter().find(|t| t.0 == name)?.1);
-        let model = trainer.model(BTreeMap::new()).told(told);
-        let mut player = Player::new(&model, self.avatar).map_err(|e| model_failure(&e))?;
+        let model = trainer.model(BTreeMap::new());
+        let player = self.pupil.player(model, self.avatar);
+        let mut player = player.map_err(|e| model_failure(&e))?;
         let mut at = vec![[0.0f32; 3]; player.n_verts()];
         let mut all = Scene::default();
         for (k, pose) in self.poses.iter().enumerate() {

@@ -1,7 +1,7 @@
 //! A model's file: as small as its frames allow.
 
 use muslin_body::{Avatar, Motion, Pose};
-use muslin_model::{Model, ModelError, Player};
+use muslin_model::{Model, ModelError};
 use muslin_net::Weights;
 
 use super::lessons::Pupil;
@@ -57,10 +57,7 @@ fn apart(
     (avatar, pupil): (&Avatar, &Pupil),
     poses: &[Pose],
 ) -> Result<f64, ModelError> {
-    let player = |model: &Model| {
-        let told = |name: &str| Some(pupil.traits.iter().find(|t| t.0 == name)?.1);
-        Player::new(&model.clone().told(told), avatar)
-    };
+    let player = |model: &Model| pupil.player(model.clone(), avatar);
     let (mut one, mut other) = (player(one)?, player(other)?);
     let mut at = [0, 1].map(|_| vec![[0.0f32; 3]; one.n_verts()]);
     let mut worst = 0.0f32;
