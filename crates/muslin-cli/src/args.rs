@@ -248,7 +248,7 @@ Examples:
   muslin train -o tee.muslin
   muslin train --garment tee --fabric cotton-jersey --motion clips/ --motion walk -o tee.muslin
   muslin train ncs --garment tee -o ncs.muslin     a published system on the same body and garment
-  muslin train pbns --garment trousers,tee -o look.muslin     several garments, one over the other
+  muslin train --garment trousers,tee -o look.muslin     several garments, one over the other
 
 OUT.csv has the curve of the training, OUT.report.json what came of it. What is learnt is kept in
 OUT.muslin.part; after Ctrl-C or a crash the same command with --resume goes on to the same bits.")]
@@ -266,8 +266,8 @@ pub struct Train {
     /// be given several times [default: all built-in motions].
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub motion: Vec<String>,
-    /// Who wears what; one garment, of pbns also several. `--fabric any` teaches every fabric: between cloths of
-    /// our list.
+    /// Who wears what; one garment, or several, one over the other (not for snug and ncs). `--fabric any` teaches one
+    /// garment every fabric: between cloths of our list.
     #[command(flatten)]
     pub wearing: Wearing,
     /// Whether one body is taught or any adult shape of it.
@@ -327,6 +327,9 @@ pub struct Train {
     /// Step size of the network [default: 0.003; of published systems as published].
     #[arg(long)]
     pub rate: Option<f64>,
+    /// The terms of the files that are learnt from (body, garment, recordings), as the model is to say them.
+    #[arg(long, value_name = "TEXT")]
+    pub terms: Option<String>,
     /// Where random numbers start.
     #[arg(long, default_value_t = TrainOptions::default().seed)]
     pub seed: u64,
@@ -508,7 +511,8 @@ impl Check {
 /// Options of `evaluate`.
 #[derive(Debug, Args)]
 pub struct Evaluate {
-    /// GLB, NPZ in the exchange layout, PC2 with its OBJ beside it, or a folder of these.
+    /// GLB, NPZ in the exchange layout, PC2 with its OBJ beside it, or a folder of point caches or of the garments' NPZ;
+    /// walk.npz also stands for all walk.GARMENT.npz.
     pub file: PathBuf,
     /// Whom distances and energies are told against: our solver at rest in single frames, our simulator on the file's
     /// body, or a file of the same cloth and motion.
@@ -730,6 +734,7 @@ impl Train {
             augment: self.augment,
             fairness: self.fairness,
             relaxed: self.relax,
+            terms: self.terms.clone(),
             seed: self.seed,
             rate: self.rate,
             device: self.device.into(),

@@ -547,6 +547,69 @@ fn an_outfit_is_taught_in_layers_and_its_garments_are_played_one_over_the_other(
 }
 
 #[test]
+fn our_own_network_learns_an_outfit_whose_garments_swing_and_are_judged_together() {
+    let folder = Folder::new("own-layers");
+    let out = folder.at("look.muslin");
+    let outfit = ["--garment", "shorts,tee", "--steps", "3"];
+    let done = train(&out, &[&outfit[..], &["--mixed", "0"]].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let models = ["look.shorts.muslin", "look.tee.muslin"];
+    for (name, over) in models.into_iter().zip(["", "shorts"]) {
+        let bytes = std::fs::read(folder.at(name)).expect("written");
+        let weights = muslin_io::read_weights(name, &bytes).expect("whole");
+        assert_eq!(weights.notes["over"], over);
+        assert!(
+            weights.arrays.keys().any(|k| k.starts_with("sway.")),
+            "{name} swings"
+        );
+        let licence = &weights.notes["licence"];
+        assert_eq!(
+            licence,
+            "body CC0; garment Apache-2.0 OR MIT; built-in motions Apache-2.0 OR MIT"
+        );
+    }
+    let [shorts, tee] = models.map(|name| folder.at(name));
+    let (glb, npz) = (folder.at("w.glb"), folder.at("w.npz"));
+    let args = [
+        "animate",
+        "--model",
+        &shorts,
+        "--model",
+        &tee,
+        "--motion",
+        "wave",
+        "--seconds",
+        "0.2",
+        "--refine",
+        "0",
+        "-o",
+        &glb,
+        "--npz",
+        &npz,
+    ];
+    let done = muslin(&args);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    // Both files are one outfit to the judge, by the name that was asked for.
+    let done = muslin(&["evaluate", &npz]);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let said = String::from_utf8_lossy(&done.stdout);
+    assert!(said.contains("wrong order layer percent"), "{said}");
+    for more in [
+        &["--fabric", "any"][..],
+        &["--from", &tee],
+        &["--coarse", "25", "--edge", "20"],
+    ] {
+        let done = train(&out, &[&outfit[..], more].concat());
+        assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
+        let said = errors(&done);
+        assert!(
+            said.contains(more[0]) && said.contains("one by one"),
+            "{said}"
+        );
+    }
+}
+
+#[test]
 fn pbns_learns_to_resize_a_garment_and_plays_it_on_others() {
     let folder = Folder::new("resized");
     let model = folder.at("tee.muslin");

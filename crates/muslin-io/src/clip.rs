@@ -5,9 +5,11 @@
 //! `fps` as one `float64`. Cloth that was cut flat also has `rest_corners` (F,3,2) `float32` [m]:
 //! each face's own corners in its pattern, which are its exact rest shape; `rest` is then near it
 //! only. `pins` (P) as `int32` are vertices that the body holds, as at a waistband, and `fabric` (1)
-//! is a word, the name of what the cloth is made of. What is not known is left out.
+//! is a word, the name of what the cloth is made of. Garments of one outfit are files of their own, each with its
+//! `layer` (1) as `int32`, 0 next to the skin. What is not known is left out.
 
 mod pc2;
+mod several;
 
 use std::path::{Path, PathBuf};
 
@@ -223,6 +225,10 @@ impl Clip {
 
     /// The bytes of an `.npz` in the exchange layout, all garments as one cloth.
     pub fn npz(&self) -> Result<Vec<u8>, IoError> {
+        self.npz_of(None)
+    }
+
+    fn npz_of(&self, layer: Option<usize>) -> Result<Vec<u8>, IoError> {
         self.check()?;
         let (t, n) = (self.drape.frames.len(), self.n_verts());
         let mut arrays = vec![
@@ -256,6 +262,9 @@ impl Clip {
         if self.fabric(0).is_some() {
             arrays.push(("fabric", Array::text(self.fabrics.clone())));
         }
+        if let Some(layer) = layer {
+            arrays.push((several::LAYER, Array::int(&[1], vec![layer as i64])));
+        }
         npz::write(&arrays)
     }
 
@@ -264,14 +273,11 @@ impl Clip {
     pub fn npz_files(&self, stem: &str) -> Result<Vec<(String, Vec<u8>)>, IoError> {
         let garments = self.garments();
         let alone = garments.len() == 1;
-        let file = |(name, clip): (String, Clip)| {
-            let name = match alone {
-                true => format!("{stem}.npz"),
-                false => format!("{stem}.{name}.npz"),
-            };
-            Ok((name, clip.npz()?))
+        let file = |(layer, (name, clip)): (usize, (String, Clip))| match alone {
+            true => Ok((format!("{stem}.npz"), clip.npz()?)),
+            false => Ok((format!("{stem}.{name}.npz"), clip.npz_of(Some(layer))?)),
         };
-        garments.into_iter().map(file).collect()
+        garments.into_iter().enumerate().map(file).collect()
     }
 
     /// Names and bytes of point caches for other programs: for every garment `GARMENT.pc2` and
@@ -332,13 +338,18 @@ impl Clip {
 }
 
 /// Reads an animation: `.npz` in the exchange layout, `.glb`, `.pc2` with its OBJ beside it, or a
-/// folder of point caches. A `body.pc2` beside a point cache is taken as the body.
+/// folder of point caches or of the garments' `.npz`; as `walk.npz` also all `walk.GARMENT.npz`, if it is not there itself.
+/// A `body.pc2` beside a point cache is taken as the body.
 pub fn read_clip(path: &Path) -> Result<Clip, IoError> {
-    let clip = if path.is_dir()
-        || path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("pc2"))
-    {
+    let is_cache = |p: &Path| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("pc2"));
+    let garments = match path.is_dir() {
+        true if several::ending(path, "pc2")?.is_empty() => several::ending(path, "npz")?,
+        true => Vec::new(),
+        false => several::beside(path),
+    };
+    let clip = if !garments.is_empty() {
+        several::read(&garments)?
+    } else if path.is_dir() || is_cache(path) {
         pc2::read(path)?
     } else {
         let input = read_file(path, MAX_BYTES)?;
@@ -355,7 +366,7 @@ pub fn read_clip(path: &Path) -> Result<Clip, IoError> {
 fn unknown(file: &str) -> IoError {
     let fault = Fault::new("not-animated", file, "no animation that is read here");
     fault
-        .allowed("NPZ, GLB, PC2 with OBJ, or a folder of these")
+        .allowed("NPZ, GLB, PC2 with OBJ, or a folder of NPZ or PC2")
         .hint("write it with `muslin simulate`")
         .refused()
 }

@@ -43,6 +43,11 @@ pub struct Guesses<'a> {
 /// How many times as many steps the first of some frames needs: it knows of no frame before it.
 const FIRST: usize = 3;
 
+/// Steps at most until the first frame of cloth that swings lies still, and how far it goes in a step then, on the
+/// mean [m].
+const SETTLED: usize = 200;
+const STILL: f64 = 5e-6;
+
 /// The longest step in time of cloth that swings [s].
 const LONGEST: f64 = 1.0 / 60.0 + 1e-9;
 
@@ -107,6 +112,11 @@ pub fn refine(
     .0
 }
 
+/// How far apart two places of the cloth are, on the mean [m].
+fn apart(a: &[DVec3], b: &[DVec3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.distance(*b)).sum::<f64>() / a.len().max(1) as f64
+}
+
 struct Run<'a, D> {
     dents: Dents<'a>,
     stage: Stage<'a>,
@@ -154,9 +164,19 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                 };
                 let by = ordered::map(guess.len(), by);
                 stage.lead(&body.skin, by);
-                let times = if anew { FIRST } else { 1 };
-                for _ in 0..times * guesses.steps {
+                let least = if anew { FIRST } else { 1 } * guesses.steps;
+                // What swings is to begin at rest: else it would come to rest before everybody's eyes.
+                let most = if anew && swings {
+                    SETTLED.max(least)
+                } else {
+                    least
+                };
+                for n in 0..most {
+                    let before = (n >= least).then(|| stage.x.clone());
                     stage.step(&self.pace)?;
+                    if before.is_some_and(|x| apart(&x, &stage.x) < STILL) {
+                        break;
+                    }
                 }
                 if swings {
                     stage.slip_at_rest();

@@ -2,11 +2,11 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 use muslin_body::{Avatar, Cores, Figure, Part, Pose};
-use muslin_geom::{Closest, Surface, vertex_normals};
+use muslin_geom::{Closest, Surface};
 use muslin_sim::{Flesh, Frame};
 
 use crate::around::Resting;
-use crate::rows::flat;
+use crate::ground::{Ground, NO_FACE, OPEN, Posed, Wall, plane};
 
 /// How far from the cloth skin is looked for [m].
 const REACH: f64 = 0.06;
@@ -16,35 +16,8 @@ const SHALLOW: f64 = 0.003;
 const ROOM: f64 = 0.007;
 /// Skin this near to cloth at rest may give way [m].
 const SOFT: f64 = 0.05;
-
-/// A wall at one vertex: unit normal, and how far it is from the origin [m].
-pub type Wall = [f32; 4];
-/// Where there is none.
-const OPEN: Wall = [0.0, 0.0, 0.0, -1.0];
-/// The face of a vertex that has no wall.
-pub const NO_FACE: u32 = u32::MAX;
-/// Steps from face to face when a wall is followed.
-const HOPS: usize = 12;
 /// Followed this far behind the skin, a point has lost its way: it passed by another limb [m].
 const LOST: f32 = 0.02;
-/// Nearer than this the way to the skin has no direction of its own [m].
-const TOUCHING: f32 = 5e-5;
-
-/// The skin around the cloth in a pose.
-#[derive(Clone, Debug, Default)]
-pub struct Posed {
-    /// Positions [m].
-    pub verts: Vec<Vec3>,
-    /// Unit normals.
-    pub normals: Vec<Vec3>,
-}
-
-impl Posed {
-    /// The memory that it takes [bytes].
-    pub fn bytes(&self) -> usize {
-        size_of_val(&self.verts[..]) + size_of_val(&self.normals[..])
-    }
-}
 
 /// Somebody whose skin around the cloth can be asked for.
 pub struct Skinned<'a> {
@@ -54,10 +27,8 @@ pub struct Skinned<'a> {
     verts: Vec<u32>,
     /// The same at rest, ready to be moved into poses.
     flesh: Flesh,
-    /// Triangles around every vertex: where each vertex's start, and they.
-    around: (Vec<u32>, Vec<u32>),
-    /// Which triangles lie at the rim of what was kept: which side one is on cannot be told there.
-    rim: Vec<bool>,
+    /// Its triangles, to be followed; openings are the rim of what was kept.
+    ground: Ground,
     /// Which vertices may give way.
     soft: Vec<bool>,
     /// All of the skin.
@@ -88,8 +59,7 @@ impl<'a> Skinned<'a> {
         let faces: Vec<[u32; 3]> = kept.iter().map(|f| f.map(place)).collect();
         let at: Vec<DVec3> = verts.iter().map(|v| skin[*v as usize]).collect();
         Self {
-            rim: rim(&faces),
-            around: around(at.len(), &faces),
+            ground: Ground::new(at.len(), &faces),
             flesh: Flesh::new(&at, &faces),
             soft: at.iter().map(|p| cloth.is_near(*p, SOFT)).collect(),
             range: avatar.part(Part::Body),
@@ -108,13 +78,13 @@ impl<'a> Skinned<'a> {
     /// lie at the rim.
     #[cfg(any(test, feature = "cuda"))]
     pub fn skin_faces(&self) -> (&[[u32; 3]], [&[u32]; 2], &[bool]) {
-        let (starts, around) = &self.around;
-        (self.flesh.rest().faces(), [starts, around], &self.rim)
+        let own = &self.ground;
+        (own.faces(), own.around(), own.rim())
     }
 
     /// Whether there is such a triangle around the cloth, or it stands for none.
     pub fn has(&self, face: u32) -> bool {
-        face == NO_FACE || (face as usize) < self.flesh.rest().faces().len()
+        face == NO_FACE || (face as usize) < self.ground.faces().len()
     }
 
     /// Bones in a pose with the root over the origin: `world_from_rest`.
@@ -141,12 +111,7 @@ impl<'a> Skinned<'a> {
             cores: self.cores.iter().zip(&self.verts).map(core).collect(),
         };
         let relief = self.flesh.relieve(&here, ROOM, &self.soft);
-        let normals = vertex_normals(&relief.verts, self.flesh.rest().faces());
-        let single = |list: &[DVec3]| list.iter().map(|p| p.as_vec3()).collect();
-        Posed {
-            verts: single(&relief.verts),
-            normals: single(&normals),
-        }
+        Posed::new(&relief.verts, self.ground.faces())
     }
 
     /// The triangle of the `skin` nearest to each vertex of the cloth at `x` [m]; none where skin is
@@ -186,7 +151,7 @@ impl<'a> Skinned<'a> {
         let one = |x: &DVec3| {
             let hit = surface.closest_near(*x, REACH, hint)?;
             hint = hit.face;
-            let lost = self.rim[hit.face as usize] || crowded(&surface, &hit);
+            let lost = self.ground.rim()[hit.face as usize] || crowded(&surface, &hit);
             (!lost).then_some(hit)
         };
         x.iter().map(one).collect()
@@ -196,51 +161,8 @@ impl<'a> Skinned<'a> {
     ///
     /// None where skin is far, or where the way got lost behind another limb.
     pub fn wall(&self, skin: &Posed, p: Vec3, face: &mut u32) -> Wall {
-        if *face == NO_FACE {
-            return OPEN;
-        }
-        let hit = self.follow(skin, p, face);
-        let f = self.flesh.rest().faces()[*face as usize];
-        let smooth: Vec3 = (0..3)
-            .map(|k| skin.normals[f[k] as usize] * hit.weights[k])
-            .sum();
-        let away = p - hit.point;
-        let lost = away.dot(smooth) < 0.0 && hit.square > LOST * LOST;
-        if lost || self.rim[*face as usize] {
-            return OPEN;
-        }
-        let n = match hit.square > TOUCHING * TOUCHING {
-            true => away * (away.dot(smooth).signum() / hit.square.sqrt()),
-            false => smooth.normalize_or_zero(),
-        };
-        [n.x, n.y, n.z, n.dot(hit.point)]
-    }
-
-    /// Goes from triangle to neighbouring triangle for as long as that leads nearer to `p`.
-    fn follow(&self, skin: &Posed, p: Vec3, face: &mut u32) -> Near {
-        let faces = self.flesh.rest().faces();
-        let corners = |f: u32| faces[f as usize].map(|v| skin.verts[v as usize]);
-        let mut hit = near_triangle(p, corners(*face));
-        for _ in 0..HOPS {
-            // Inside a triangle the way to the skin is along its normal: no neighbour is nearer.
-            if hit.weights.iter().all(|w| *w > 0.0) {
-                break;
-            }
-            let pivot = (0..3).max_by(|a, b| hit.weights[*a].total_cmp(&hit.weights[*b]));
-            let pivot = faces[*face as usize][pivot.expect("three corners")] as usize;
-            let span = self.around.0[pivot] as usize..self.around.0[pivot + 1] as usize;
-            let before = *face;
-            for &f in &self.around.1[span] {
-                let next = near_triangle(p, corners(f));
-                if next.square < hit.square {
-                    (hit, *face) = (next, f);
-                }
-            }
-            if *face == before {
-                break;
-            }
-        }
-        hit
+        let own = self.ground.wall(skin, p, (face, LOST));
+        own.map_or(OPEN, |w| w.0)
     }
 }
 
@@ -259,91 +181,6 @@ fn crowded(surface: &Surface, hit: &Closest) -> bool {
     let beyond = hit.point + hit.normal * ROOM;
     let other = surface.closest_near(beyond, 2.0 * ROOM, hit.face);
     other.is_some_and(|c| c.signed < 0.3 * ROOM)
-}
-
-/// The plane through the nearest point of a surface that looks towards `x` [m] from the outside.
-pub(crate) fn plane(hit: &Closest, x: DVec3) -> Wall {
-    let n = match hit.signed.abs() > f64::from(TOUCHING) {
-        true => (x - hit.point) / hit.signed,
-        false => hit.normal,
-    };
-    let [a, b, c] = n.as_vec3().to_array();
-    [a, b, c, n.dot(hit.point) as f32]
-}
-
-/// Which triangles have a corner on an edge that belongs to no other.
-pub(crate) fn rim(faces: &[[u32; 3]]) -> Vec<bool> {
-    let mut edges: Vec<[u32; 2]> = (faces.iter())
-        .flat_map(|f| (0..3).map(|k| [f[k].min(f[(k + 1) % 3]), f[k].max(f[(k + 1) % 3])]))
-        .collect();
-    edges.sort_unstable();
-    let single = edges.chunk_by(|a, b| a == b).filter(|e| e.len() == 1);
-    let mut verts: Vec<u32> = single.flat_map(|e| e[0]).collect();
-    verts.sort_unstable();
-    let on = |v: &u32| verts.binary_search(v).is_ok();
-    faces.iter().map(|f| f.iter().any(on)).collect()
-}
-
-/// Triangles around every vertex.
-fn around(n: usize, faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
-    let mut rows = vec![Vec::new(); n];
-    for (f, face) in faces.iter().enumerate() {
-        face.iter().for_each(|v| rows[*v as usize].push(f as u32));
-    }
-    flat(&rows)
-}
-
-/// The point of a triangle nearest to another.
-#[derive(Clone, Copy)]
-struct Near {
-    point: Vec3,
-    weights: [f32; 3],
-    /// Squared distance [m²].
-    square: f32,
-}
-
-/// The point of triangle `t` nearest to `p`: `muslin_geom`'s in single precision, seen from `p`.
-fn near_triangle(p: Vec3, t: [Vec3; 3]) -> Near {
-    let t = t.map(|c| c - p);
-    let [a, b, c] = t;
-    let (ab, ac) = (b - a, c - a);
-    let (d1, d2) = (-ab.dot(a), -ac.dot(a));
-    let at = |u: f32, v: f32, w: f32| {
-        let off = a * u + b * v + c * w;
-        Near {
-            point: p + off,
-            weights: [u, v, w],
-            square: off.length_squared(),
-        }
-    };
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return at(1.0, 0.0, 0.0);
-    }
-    let (d3, d4) = (-ab.dot(b), -ac.dot(b));
-    if d3 >= 0.0 && d4 <= d3 {
-        return at(0.0, 1.0, 0.0);
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        let v = d1 / (d1 - d3);
-        return at(1.0 - v, v, 0.0);
-    }
-    let (d5, d6) = (-ab.dot(c), -ac.dot(c));
-    if d6 >= 0.0 && d5 <= d6 {
-        return at(0.0, 0.0, 1.0);
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        let w = d2 / (d2 - d6);
-        return at(1.0 - w, 0.0, w);
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
-        let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        return at(0.0, 1.0 - w, w);
-    }
-    let s = 1.0 / (va + vb + vc);
-    at(1.0 - vb * s - vc * s, vb * s, vc * s)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use glam::DVec3;
 use muslin_body::Sparse;
 use muslin_geom::Surface;
 
-use crate::body::Wall;
+use crate::ground::Wall;
 use crate::lanes::{LANES, Row};
 
 /// Cloth this near is looked for [m].

@@ -5,6 +5,9 @@ use muslin_net::{Array, Numbers, Weights};
 
 use crate::TrainError;
 
+/// Keeps orders apart (any large odd number).
+const ORDER: u64 = 0x9e37_79b9_7f4a_7c15;
+
 /// What changes in every training.
 pub(crate) struct Common<'a> {
     pub step: u64,
@@ -41,6 +44,19 @@ impl Common<'_> {
 pub(crate) fn add(out: &mut Weights, name: &str, numbers: Numbers) {
     let array = Array::new(&[numbers.len()], numbers);
     out.arrays.insert(name.into(), array);
+}
+
+/// What was kept of a training, but that its next poses come in another order, the `nth` one.
+///
+/// # Errors
+/// [`TrainError::OtherTraining`] if it is none.
+pub fn in_another_order(mut kept: Weights, nth: u64) -> Result<Weights, TrainError> {
+    let noise = Kept(&kept).number("noise")?;
+    let other = noise ^ nth.wrapping_mul(ORDER);
+    kept.notes.insert("noise".into(), other.to_string());
+    kept.notes.insert("bad".into(), 0.to_string());
+    add(&mut kept, "queue", Numbers::U32(Vec::new()));
+    Ok(kept)
 }
 
 /// What was kept, to be read.

@@ -3,8 +3,9 @@
 use muslin_body::Pose;
 use muslin_model::Reader;
 
-use crate::body::Posed;
+use crate::ground::Posed;
 use crate::lanes::{LANES, Row};
+use crate::layers::Near;
 use crate::wearer::Wearer;
 
 /// Sixteen poses.
@@ -23,6 +24,8 @@ pub struct Pack {
     pub faces: Vec<[u32; LANES]>,
     /// Walls where cloth meets cloth, by vertex in order.
     pub folds: Vec<(u32, [Row; 4])>,
+    /// Vertices that cloth of other garments is near to, layer after layer.
+    pub over: Vec<Near>,
     /// The skin around the cloth in every pose [m]. Empty until it is first asked for.
     pub skins: Vec<Posed>,
     /// How often it was learnt from.
@@ -64,6 +67,7 @@ impl Pack {
             bones,
             faces: Vec::new(),
             folds: Vec::new(),
+            over: Vec::new(),
             skins: Vec::new(),
             visits: 0,
         }

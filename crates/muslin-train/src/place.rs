@@ -26,12 +26,14 @@ pub fn placed(trainer: Trainer<'_>, place: Place) -> Result<Placed<'_>, TrainErr
     if place == Place::Cores {
         return Ok(on_cores(Box::new(trainer)));
     }
-    let tried = match trainer.plan.relaxed {
-        0 => on_device(trainer),
-        _ => {
-            let why = "cloth is let go before it is learnt from on cores alone";
-            Err((Box::new(trainer), TrainError::Device(why.into())))
-        }
+    let left = match (trainer.plan.relaxed, trainer.wearers[0].layers.is_empty()) {
+        (0, true) => None,
+        (0, false) => Some("garments over others are learnt together on cores alone"),
+        _ => Some("cloth is let go before it is learnt from on cores alone"),
+    };
+    let tried = match left {
+        None => on_device(trainer),
+        Some(why) => Err((Box::new(trainer), TrainError::Device(why.into()))),
     };
     match tried {
         Err((_, why)) if place == Place::Cuda => Err(why),

@@ -5,6 +5,8 @@ use muslin_net::{Numbers, Weights};
 use crate::TrainError;
 use crate::kept::{Common, Kept, add};
 use crate::lanes::LANES;
+use crate::layers::Near;
+use crate::pack::Pack;
 use crate::trainer::{Now, Trainer};
 
 impl Trainer<'_> {
@@ -40,6 +42,12 @@ impl Trainer<'_> {
         add("folds", Numbers::F32(bits.collect()));
         add("folds.counts", Numbers::U32(counts.collect()));
         add("folds.verts", Numbers::U32(verts.collect()));
+        let counts = now.packs.iter().map(|p| p.over.len() as u32);
+        let over = || now.packs.iter().flat_map(|p| p.over.iter());
+        add("over.counts", Numbers::U32(counts.collect()));
+        let whose = over().flat_map(|n| [n.layer, n.vertex]);
+        add("over.whose", Numbers::U32(whose.collect()));
+        add("over", Numbers::U32(over().flat_map(|n| n.faces).collect()));
         out
     }
 
@@ -80,6 +88,7 @@ impl Trainer<'_> {
         for (pack, count) in now.packs.iter_mut().zip(fold_counts) {
             pack.folds = folds.by_ref().take(count as usize).collect();
         }
+        self.read_over(&kept, &mut now.packs)?;
         for (pack, visits) in now.packs.iter_mut().zip(visits) {
             pack.visits = u64::from(visits);
             let n = if visits == 0 { 0 } else { now.walls.len() };
@@ -98,6 +107,30 @@ impl Trainer<'_> {
         }
         self.now = now;
         self.refactor();
+        Ok(())
+    }
+
+    /// What garments lie on that are worn with others.
+    fn read_over(&self, kept: &Kept<'_>, packs: &mut [Pack]) -> Result<(), TrainError> {
+        let [counts, whose, faces] =
+            ["over.counts", "over.whose", "over"].map(|name| kept.counts(name));
+        let (whose, faces) = (whose?, faces?);
+        let whose = whose.as_chunks::<2>().0.iter();
+        let mut rest = whose.zip(faces.as_chunks::<LANES>().0);
+        for (pack, count) in packs.iter_mut().zip(counts?) {
+            let own = rest.by_ref().take(count as usize);
+            let near = |(&[layer, vertex], faces): (&[u32; 2], &[u32; LANES])| Near {
+                layer,
+                vertex,
+                faces: *faces,
+            };
+            pack.over = own.map(near).collect();
+            let layers = &self.wearers[pack.wearer].layers;
+            let fits = |n: &Near| layers.get(n.layer as usize).is_some_and(|l| l.has(n));
+            if pack.over.len() != count as usize || !pack.over.iter().all(fits) {
+                return Err(TrainError::OtherTraining("over"));
+            }
+        }
         Ok(())
     }
 }

@@ -76,6 +76,27 @@ impl Class {
         }
     }
 
+    /// The shirt, and the same again a little outside of it.
+    pub fn outfit() -> Self {
+        let mut class = Self::new();
+        let n = class.template.len() as u32;
+        let normals = muslin_geom::vertex_normals(&class.template, &class.cloth.faces);
+        let pairs = class.template.iter().zip(&normals);
+        let outer: Vec<DVec3> = pairs.map(|(p, n)| *p + *n * 0.002).collect();
+        class.template.extend(outer);
+        let cloth = &mut class.cloth;
+        let again: Vec<[u32; 3]> = cloth.faces.iter().map(|f| f.map(|v| v + n)).collect();
+        cloth.faces.extend(again);
+        cloth.rest.extend_from_within(..);
+        cloth.material_of.extend_from_within(..);
+        cloth.layers.extend(vec![1; n as usize]);
+        for v in 0..n as usize {
+            let row = class.weights.row(v).to_vec();
+            class.weights.push(row);
+        }
+        class
+    }
+
     /// Its poses as the motion that they are.
     pub fn wave(&self) -> Motion {
         Motion {

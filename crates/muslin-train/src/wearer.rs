@@ -8,6 +8,7 @@ use crate::TrainError;
 use crate::body::Skinned;
 use crate::cut::Cut;
 use crate::folds::Folds;
+use crate::layers::{Layer, both_ways};
 use crate::lesson::{Lesson, Plan};
 
 /// One lesson, ready to be worked on.
@@ -16,6 +17,8 @@ pub(crate) struct Wearer<'a> {
     pub body: Skinned<'a>,
     pub cut: Cut,
     pub folds: Folds,
+    /// Garments of an outfit that lie over others, and under.
+    pub layers: Vec<Layer>,
     /// Where the cloth lies at rest [m].
     pub template: Vec<[f32; 3]>,
     /// How stiff each material is in its plane, as it is taught in the end.
@@ -37,6 +40,7 @@ impl<'a> Wearer<'a> {
             body: Skinned::new((lesson.avatar, lesson.figure), lesson.template),
             cut: Cut::new(&cloth)?,
             folds: Folds::new(&lesson.cloth.faces, lesson.template, lesson.weights),
+            layers: both_ways(lesson.cloth, lesson.template),
             template: lesson.laid(),
             lesson,
         })

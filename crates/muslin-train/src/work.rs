@@ -6,10 +6,11 @@ use glam::DVec3;
 use muslin_net::learn::{MlpTape, View, multiply};
 use rayon::prelude::*;
 
-use crate::body::Wall as Plane;
 use crate::folds::{LIMBS, PARTS, gathered};
+use crate::ground::Wall as Plane;
 use crate::lanes::{LANES, Lane, Row, Vec3};
 use crate::laws::{self, Wall};
+use crate::layers::{self, Lying};
 use crate::pack::Pack;
 use crate::skin;
 use crate::trainer::{Energies, Trainer};
@@ -40,10 +41,19 @@ pub(crate) struct Work {
     pub broken: Option<usize>,
 }
 
-/// What a pose meets: a triangle of the skin at every vertex, and the cloth itself at some.
-type Met = (Vec<u32>, Vec<(u32, Plane)>);
-/// A pack with the wall at every vertex.
-type Walled<'a> = (&'a Pack, &'a [[Row; 4]]);
+/// What a pose meets: a triangle of the skin at every vertex, the cloth itself at some, and by layers
+/// other garments at some.
+type Met = (Vec<u32>, Vec<(u32, Plane)>, Vec<Vec<(u32, u32)>>);
+/// A pack with all that its cloth meets.
+type Walled<'a> = (&'a Pack, &'a Walls);
+
+/// What the cloth of a pack meets besides itself.
+struct Walls {
+    /// The skin's wall at every vertex: normal and offset.
+    skin: Vec<[Row; 4]>,
+    /// Cloth that lies on that of other garments.
+    others: Vec<Lying>,
+}
 
 impl Trainer<'_> {
     /// Predicts, asks the laws, and goes back as far as the parameters.
@@ -68,7 +78,10 @@ impl Trainer<'_> {
             || self.carry(pack, &mut x),
         );
         self.look(pack, &x);
-        let walls = self.walls(pack, &x);
+        let walls = Walls {
+            skin: self.walls(pack, &x),
+            others: self.lying(pack, &x),
+        };
         pack.visits += 1;
         let mut work = Work::default();
         let mut g = vec![[0.0; LANES]; 3 * n];
@@ -125,7 +138,8 @@ impl Trainer<'_> {
     /// stand in folds, and trainings broke out. Planes that are not found again are forgotten, for they hold up cloth
     /// that has moved on.
     pub(crate) fn look(&self, pack: &mut Pack, x: &[Row]) {
-        let Wearer { body, folds, .. } = &self.wearers[pack.wearer];
+        let wearer = &self.wearers[pack.wearer];
+        let Wearer { body, folds, .. } = wearer;
         if pack.skins.is_empty() {
             let pose = |p: &u32| body.skin(&self.pool[*p as usize]);
             pack.skins = pack.poses.par_iter().map(pose).collect();
@@ -141,14 +155,20 @@ impl Trainer<'_> {
             let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(one).collect();
             let faces = body.nearest(&skins[lane], &x, |v| known(v, lane));
             let shared = if is_new { PARTS } else { LIMBS };
-            (faces, folds.find(&x, (self.plan.gap, shared)))
+            let over = wearer.layers.iter().map(|l| l.near(&x));
+            (
+                faces,
+                folds.find(&x, (self.plan.gap, shared)),
+                over.collect(),
+            )
         };
         let all: Vec<Met> = (0..LANES).into_par_iter().map(each).collect();
         pack.faces = (0..x.len() / 3)
             .map(|v| std::array::from_fn(|lane| all[lane].0[v]))
             .collect();
-        let folds: Vec<Vec<(u32, Plane)>> = all.into_iter().map(|a| a.1).collect();
+        let (folds, over): (Vec<_>, Vec<_>) = all.into_iter().map(|a| (a.1, a.2)).unzip();
         pack.folds = gathered(&folds);
+        pack.over = layers::gathered(&over);
     }
 
     /// The wall at every vertex: normal and offset.
@@ -167,12 +187,36 @@ impl Trainer<'_> {
         out
     }
 
+    /// What garments that lie over others, or under, lie on.
+    fn lying(&self, pack: &mut Pack, x: &[Row]) -> Vec<Lying> {
+        let layers = &self.wearers[pack.wearer].layers;
+        let own = pack.over.chunk_by_mut(|a, b| a.layer == b.layer);
+        let each = own.flat_map(|near| layers[near[0].layer as usize].lie(x, near));
+        each.collect()
+    }
+
     /// How skin pushes now.
     pub(crate) fn wall(&self) -> Wall {
         Wall {
             radius: self.plan.gap as f32,
             width: 1e-3,
             stiffness: self.skin_stiffness(),
+        }
+    }
+
+    /// What cloth that lies on another garment adds to the walls' stiffness, where that pushes with `curvature` [N/m]: both
+    /// follow nearly the same bones.
+    #[inline(always)]
+    fn stiffen(&self, (pack, lying): (&Pack, &Lying), curvature: Lane, stiff: &mut [[f32; 6]]) {
+        let v = lying.vertex as usize;
+        let a = skin::blend(&self.skin, v, &pack.bones);
+        let [x, y, z, _] = lying.plane.map(Lane);
+        let m = skin::bring_back(&a, Vec3([x, y, z]));
+        add_stiffness(&mut stiff[v], m, curvature);
+        for (lane, corner, k) in lying.stiffened(curvature) {
+            for (sum, (i, j)) in stiff[corner as usize].iter_mut().zip(PAIRS) {
+                *sum += m.0[i].0[lane] * m.0[j].0[lane] * k / LANES as f32;
+            }
         }
     }
 
@@ -194,6 +238,11 @@ impl Trainer<'_> {
         let wall = self.wall();
         let mut under = Lane::all(0.0);
         work.walls = vec![[0.0; 6]; n];
+        for lying in &walls.others {
+            let [energy, curvature] = lying.push(&wall, x, g);
+            sums[3] += energy;
+            self.stiffen((pack, lying), curvature, &mut work.walls);
+        }
         let mut folds = pack.folds.iter().peekable();
         let mut pins = cut.pins.iter().peekable();
         for v in 0..n {
@@ -206,7 +255,7 @@ impl Trainer<'_> {
             force.0[1] += Lane::all(weight);
             sums[2] += here.0[1] * weight;
             let a = skin::blend(&self.skin, v, &pack.bones);
-            let mut stiff = [0.0; 6];
+            let mut stiff = work.walls[v];
             let mut push = |plane: &[Row; 4], force: &mut Vec3| {
                 let normal = Vec3([Lane(plane[0]), Lane(plane[1]), Lane(plane[2])]);
                 let gap = normal.dot(here) - Lane(plane[3]);
@@ -214,13 +263,10 @@ impl Trainer<'_> {
                 sums[3] += energy;
                 *force += normal.times(slope);
                 let m = skin::bring_back(&a, normal);
-                for (sum, (i, j)) in stiff.iter_mut().zip(PAIRS) {
-                    let k = m.0[i] * m.0[j] * curvature;
-                    *sum += k.0.iter().sum::<f32>() / LANES as f32;
-                }
+                add_stiffness(&mut stiff, m, curvature);
                 gap
             };
-            let gap = push(&walls[v], &mut force);
+            let gap = push(&walls.skin[v], &mut force);
             under += gap.choose_below(0.0, 1.0, 0.0);
             if let Some(fold) = folds.next_if(|f| f.0 as usize == v) {
                 push(&fold.1, &mut force);
@@ -255,6 +301,15 @@ impl Trainer<'_> {
     }
 }
 
+/// Adds the mean stiffness of walls with these normals and curvatures [N/m].
+#[inline(always)]
+fn add_stiffness(stiff: &mut [f32; 6], m: Vec3, curvature: Lane) {
+    for (sum, (i, j)) in stiff.iter_mut().zip(PAIRS) {
+        let k = m.0[i] * m.0[j] * curvature;
+        *sum += k.0.iter().sum::<f32>() / LANES as f32;
+    }
+}
+
 /// The first vertex whose gradient is not finite.
 fn broken(g: &[Row]) -> Option<usize> {
     let sound = |row: &Row| row.iter().all(|x| x.is_finite());
@@ -270,6 +325,7 @@ mod tests {
     use crate::{TrainError, Training};
 
     static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
+    static OUTFIT: LazyLock<Class> = LazyLock::new(Class::outfit);
 
     /// The cost of a pack whose walls are known.
     fn cost(trainer: &Trainer, pack: &Pack) -> f64 {
@@ -281,6 +337,72 @@ mod tests {
         gradients(CLASS.trainer(), 0);
         let other = Other::new(&CLASS);
         gradients(CLASS.taught(other.lessons(&CLASS)), 1);
+        gradients(OUTFIT.trainer(), 0);
+    }
+
+    /// What the slope of a pack's cost says of garments that push each other, with and without.
+    #[test]
+    fn garments_over_others_push_them_and_are_pushed_and_no_force_is_lost() {
+        let mut trainer = OUTFIT.trainer();
+        trainer.step().expect("finite");
+        // Nothing else is to push: no weight, no stretch, no bending, no pins.
+        let cut = &mut trainer.wearers[0].cut;
+        cut.mass.fill(0.0);
+        cut.patches.clear();
+        cut.bend.clear();
+        cut.bend_starts.fill(0);
+        cut.pins.clear();
+        trainer.plan.fair = f64::INFINITY;
+        let mut pack = trainer.now.packs[0].clone();
+        pack.visits = 0;
+        let with = trainer.work(&mut pack.clone());
+        let layers = std::mem::take(&mut trainer.wearers[0].layers);
+        assert_eq!(layers.len(), 2);
+        let without = trainer.work(&mut pack);
+        let contact = [&with, &without].map(|w| w.energies.contact);
+        assert!(contact[0] > 1.5 * contact[1], "{contact:?}");
+        // A constant code's slope is the mean force in the rest frame: what one garment feels of the other, both feel.
+        let k = trainer.plan.codes;
+        let n = OUTFIT.template.len();
+        let force = |work: &Work, half: usize| -> f32 {
+            let rows = half * 3 * n / 2..(half + 1) * 3 * n / 2;
+            rows.map(|r| work.d_modes[r * k + k - 1].abs()).sum()
+        };
+        let felt = [0, 1].map(|half| force(&with, half) - force(&without, half));
+        assert!(felt.iter().all(|f| *f > 0.0), "{felt:?}");
+        assert!((felt[0] / felt[1] - 1.0).abs() < 0.2, "{felt:?}");
+        // Both are stiffer against it.
+        let stiff = |work: &Work, half: usize| -> f32 {
+            let own = &work.walls[half * n / 2..(half + 1) * n / 2];
+            own.iter().map(|w| w[0] + w[1] + w[2]).sum()
+        };
+        for half in [0, 1] {
+            assert!(stiff(&with, half) > stiff(&without, half));
+        }
+    }
+
+    #[test]
+    fn an_outer_shirt_learns_to_lie_outside_and_goes_on_to_the_same_bits() {
+        let mut trainer = OUTFIT.trainer();
+        while trainer.steps() < 20 {
+            trainer.step().expect("finite");
+        }
+        let mut again = OUTFIT.trainer();
+        again
+            .restore(&trainer.keep())
+            .expect("of the same training");
+        go_on_alike([&mut trainer, &mut again], 24);
+        // What learnt without minding it lies in the shirt below.
+        let mut heedless = OUTFIT.trainer();
+        let layers = std::mem::take(&mut heedless.wearers[0].layers);
+        for trainer in [&mut trainer, &mut heedless] {
+            while trainer.steps() < 40 {
+                trainer.step().expect("finite");
+            }
+        }
+        heedless.wearers[0].layers = layers;
+        let contact = [trainer, heedless].map(|t| t.judge(&OUTFIT.wave()).energies.contact);
+        assert!(contact[0] < 0.5 * contact[1], "{contact:?}");
     }
 
     #[test]

@@ -254,6 +254,22 @@ pub(crate) fn cloth(outfit: &Outfit, worn: &[Worn]) -> Cloth {
     cloth
 }
 
+/// Garment `k` alone of an outfit's cloth.
+pub(crate) fn cloth_of(outfit: &Cloth, (k, part): (usize, &muslin_geom::Part)) -> Cloth {
+    let own = |v: &&u32| part.verts.contains(&(**v as usize));
+    let first = part.verts.start as u32;
+    let faces = outfit.faces[part.faces.clone()].iter();
+    let pins = outfit.pins.iter().filter(own);
+    Cloth {
+        faces: faces.map(|f| f.map(|v| v - first)).collect(),
+        rest: outfit.rest[part.faces.clone()].to_vec(),
+        materials: vec![outfit.materials[k]],
+        material_of: vec![0; part.faces.len()],
+        layers: vec![0; part.verts.len()],
+        pins: pins.map(|v| v - first).collect(),
+    }
+}
+
 /// Share of its stiffness that cloth keeps in compression at most: the rest buckles below the mesh's
 /// size.
 const COMPRESSION: f64 = 0.2;

@@ -10,10 +10,14 @@ use crate::failure::{Exit, Failure};
 
 /// Whether an asked fabric is a file rather than the name of a preset.
 pub(crate) fn is_file(asked: &str) -> bool {
-    let kind = Path::new(asked).extension().and_then(|e| e.to_str());
+    has_kind(asked) || asked.contains(['/', '\\'])
+}
+
+/// Whether a file is of a kind that fabrics are read from, by its name.
+pub(crate) fn has_kind(name: &str) -> bool {
+    let kind = Path::new(name).extension().and_then(|e| e.to_str());
     let kind = kind.map(str::to_lowercase);
-    let known = kind.is_some_and(|k| ["toml", "json", "u3m", "u3ma"].contains(&k.as_str()));
-    known || asked.contains(['/', '\\'])
+    kind.is_some_and(|k| ["toml", "json", "u3m", "u3ma"].contains(&k.as_str()))
 }
 
 /// The preset of a name or the fabric of a file (TOML, or the physics of U3M and U3MA), and what there is to say

@@ -5,13 +5,34 @@ use muslin_garment::Garment;
 use muslin_geom::{Mesh, Surface, intersecting_pairs, neighbours};
 use rayon::prelude::*;
 
-/// Room between two layers of cloth [m].
-const ROOM: f64 = 0.004;
-/// Deeper inside another garment than this cloth is elsewhere: a hem under a waistband, not a sleeve
-/// beside a hip [m].
-const DEEP: f64 = 0.04;
-/// No triangle is lifted over another by more than this at once [m].
-const LIFT: f64 = 0.02;
+/// How cloth is led out of other cloth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Lead {
+    /// Room between two layers of cloth [m].
+    room: f64,
+    /// Deeper inside another garment than this cloth is elsewhere: a hem under a waistband, not a sleeve
+    /// beside a hip [m].
+    deep: f64,
+    /// No triangle is lifted over another by more than this at once [m].
+    lift: f64,
+}
+
+impl Lead {
+    /// For garments that know nothing of each other.
+    pub const STRANGE: Self = Self {
+        room: 0.004,
+        deep: 0.04,
+        lift: 0.02,
+    };
+    /// For those that were taught to lie over each other, but not to swing: what is deeper than a swing is a fold, whose
+    /// inside looks outwards, and leading cloth out of that tears it.
+    pub const SWINGING: Self = Self {
+        room: 0.001,
+        deep: 0.012,
+        lift: 0.006,
+    };
+}
+
 /// Rounds of pushing out, and in each how often what is pushed takes its neighbours along.
 const ROUNDS: usize = 8;
 const SPREAD: usize = 6;
@@ -38,10 +59,10 @@ impl Under {
     }
 
     /// How a point gets outside, if it is within.
-    fn push(&self, p: DVec3) -> Option<DVec3> {
-        let hit = self.surface.closest(p, DEEP)?;
+    fn push(&self, p: DVec3, lead: &Lead) -> Option<DVec3> {
+        let hit = self.surface.closest(p, lead.deep)?;
         let face = self.surface.faces()[hit.face as usize];
-        let lack = ROOM - hit.signed;
+        let lack = lead.room - hit.signed;
         let at_rim = face.iter().any(|v| self.rim[*v as usize]);
         (lack > 0.0 && !at_rim).then(|| hit.normal * lack)
     }
@@ -55,7 +76,7 @@ impl Under {
     }
 
     /// How the corners of triangles outside that cross this garment, whose mesh is `own`, get before what they cross.
-    fn lifts(&self, outer: &Mesh, own: &Mesh) -> Vec<Option<DVec3>> {
+    fn lifts(&self, (outer, own): (&Mesh, &Mesh), lead: &Lead) -> Vec<Option<DVec3>> {
         let mut out: Vec<Option<DVec3>> = vec![None; outer.verts.len()];
         for [f, g] in intersecting_pairs(outer, own) {
             let face = outer.faces[f as usize];
@@ -69,14 +90,14 @@ impl Under {
                 .into_iter()
                 .fold(0.0, f64::max);
             for (v, p) in face.into_iter().zip(here) {
-                let lack = ROOM - (p - there[0]).dot(away);
-                let way = if peak + ROOM < lack {
-                    up * (peak + ROOM)
+                let lack = lead.room - (p - there[0]).dot(away);
+                let way = if peak + lead.room < lack {
+                    up * (peak + lead.room)
                 } else {
                     away * lack
                 };
                 let so_far = out[v as usize].map_or(0.0, |d| d.length());
-                if lack > 0.0 && (so_far..LIFT).contains(&way.length()) {
+                if lack > 0.0 && (so_far..lead.lift).contains(&way.length()) {
                     out[v as usize] = Some(way);
                 }
             }
@@ -90,9 +111,8 @@ pub(crate) struct Predicted<'g> {
     pub garment: &'g Garment,
     /// Where it lies [m].
     pub x: Vec<DVec3>,
-    /// Whether it was taught to lie over those below it. What is left of crossings then are folds, whose insides look
-    /// outwards: leading cloth out of those tears it.
-    pub taught_over: bool,
+    /// How it is led out of those below it; not at all where it was taught all that it does over them.
+    pub lead: Option<Lead>,
 }
 
 /// Garments, innermost first, as one cloth [m]: each is led out of those below it.
@@ -100,8 +120,8 @@ pub(crate) fn stacked<'g>(garments: impl Iterator<Item = Predicted<'g>>) -> Vec<
     let (mut out, mut under) = (Vec::new(), Vec::new());
     let mut garments = garments.peekable();
     while let Some(mut g) = garments.next() {
-        if !g.taught_over {
-            over(&mut g.x, &g.garment.faces, &under);
+        if let Some(lead) = &g.lead {
+            over(&mut g.x, &g.garment.faces, (&under, lead));
         }
         if garments.peek().is_some() {
             under.push(Under::new(g.garment, &g.x));
@@ -113,7 +133,7 @@ pub(crate) fn stacked<'g>(garments: impl Iterator<Item = Predicted<'g>>) -> Vec<
 
 /// Leads the cloth at `x` [m] out of all that it is worn over: first its vertices, then the triangles that
 /// are still crossed by a fold between them.
-fn over(x: &mut [DVec3], faces: &[[u32; 3]], under: &[Under]) {
+fn over(x: &mut [DVec3], faces: &[[u32; 3]], (under, lead): (&[Under], &Lead)) {
     if under.is_empty() {
         return;
     }
@@ -125,7 +145,7 @@ fn over(x: &mut [DVec3], faces: &[[u32; 3]], under: &[Under]) {
     for layer in under {
         for _ in 0..ROUNDS {
             let all = outer.verts.par_iter();
-            let pushes: Vec<Option<DVec3>> = all.map(|p| layer.push(*p)).collect();
+            let pushes: Vec<Option<DVec3>> = all.map(|p| layer.push(*p, lead)).collect();
             let most = pushes.iter().flatten().map(|d| d.length());
             if most.fold(0.0, f64::max) < DONE {
                 break;
@@ -134,7 +154,7 @@ fn over(x: &mut [DVec3], faces: &[[u32; 3]], under: &[Under]) {
         }
         let own = layer.mesh();
         for _ in 0..ROUNDS {
-            let pushes = layer.lifts(&outer, &own);
+            let pushes = layer.lifts((&outer, &own), lead);
             if pushes.iter().all(Option::is_none) {
                 break;
             }
@@ -186,15 +206,17 @@ mod tests {
         };
         let mut outer = shifted(0.01);
         let before = outer.clone();
-        over(&mut outer, &tee.faces, &under);
+        over(&mut outer, &tee.faces, (&under, &Lead::STRANGE));
         let stayed = outer.iter().zip(&before).filter(|(a, b)| a == b).count();
         // In the armpits a shirt is near itself.
         assert!(stayed * 10 > 8 * outer.len(), "{stayed} of {}", outer.len());
         let mut inner = shifted(-0.006);
-        over(&mut inner, &tee.faces, &under);
-        let within = inner
-            .iter()
-            .filter(|p| under[0].push(**p).is_some_and(|d| d.length() > 1e-3));
+        over(&mut inner, &tee.faces, (&under, &Lead::STRANGE));
+        let within = inner.iter().filter(|p| {
+            under[0]
+                .push(**p, &Lead::STRANGE)
+                .is_some_and(|d| d.length() > 1e-3)
+        });
         assert!(within.count() * 50 < inner.len());
     }
 
@@ -223,12 +245,16 @@ mod tests {
                 verts: x.to_vec(),
                 faces: coarse.clone(),
             };
-            let lifts = under[0].lifts(&outer, &under[0].mesh());
+            let lifts = under[0].lifts((&outer, &under[0].mesh()), &Lead::STRANGE);
             lifts.iter().flatten().count()
         };
         let mut x = above.clone();
-        assert!(crossed(&x) > 0 && x.iter().all(|p| under[0].push(*p).is_none()));
-        over(&mut x, &coarse, &under);
+        assert!(
+            crossed(&x) > 0
+                && x.iter()
+                    .all(|p| under[0].push(*p, &Lead::STRANGE).is_none())
+        );
+        over(&mut x, &coarse, (&under, &Lead::STRANGE));
         assert_eq!(crossed(&x), 0);
         assert!(x.iter().zip(&above).all(|(a, b)| a.distance(*b) < 0.02));
     }

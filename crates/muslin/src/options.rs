@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use muslin_garment::Cut;
 
+use crate::fabric::has_kind;
 use crate::failure::{Exit, Failure};
 use crate::size::Size;
 
@@ -28,10 +29,20 @@ pub struct Wear {
 }
 
 impl Wear {
-    /// Reads `garment` or `garment:fabric`; a colon before a folder belongs to the file's name.
+    /// Reads `garment` or `garment:fabric`; a colon before a folder belongs to the garment's file, unless what follows is
+    /// a fabric's.
     pub fn parse(text: &str) -> Self {
-        match text.rsplit_once(':') {
-            Some((g, f)) if !f.contains(['/', '\\']) => Self {
+        let at = text.rfind(':').map(|at| {
+            // The colon of a drive, as in `tee:C:\\mine.toml`.
+            let before = &text[..at];
+            let is_drive = text[at + 1..].starts_with(['/', '\\'])
+                && before.len() > 2
+                && before.as_bytes()[at - 2] == b':'
+                && before.as_bytes()[at - 1].is_ascii_alphabetic();
+            if is_drive { at - 2 } else { at }
+        });
+        match at.map(|at| (&text[..at], &text[at + 1..])) {
+            Some((g, f)) if !f.contains(['/', '\\']) || (g.len() > 1 && has_kind(f)) => Self {
                 garment: g.to_owned(),
                 fabric: Some(f.to_owned()),
             },
@@ -173,5 +184,13 @@ mod tests {
         let file = Wear::parse("C:\\wardrobe\\shirt.json:denim");
         assert_eq!(file.garment, "C:\\wardrobe\\shirt.json");
         assert_eq!(Wear::parse("C:\\shirt.obj").fabric, None);
+        assert_eq!(Wear::parse("C:\\shirt.json").fabric, None);
+        for fabric in ["fabrics/own.toml", "/home/me/own.u3m", "C:\\mine\\own.toml"] {
+            for garment in ["tee", "C:\\wardrobe\\shirt.obj"] {
+                let worn = Wear::parse(&format!("{garment}:{fabric}"));
+                assert_eq!(worn.garment, garment);
+                assert_eq!(worn.fabric.as_deref(), Some(fabric));
+            }
+        }
     }
 }

@@ -4,6 +4,8 @@ mod kept;
 mod lessons;
 mod log;
 mod options;
+mod pace;
+mod safe;
 mod sketch;
 mod small;
 mod told;
@@ -22,6 +24,7 @@ use muslin_train::{Told, Trainer, Training, placed};
 
 use crate::animate::read_model;
 use crate::brought::is_file;
+use crate::drape::cloth_of;
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::hero::{Hero, avatar_of, body_note, standing};
@@ -39,9 +42,11 @@ use kept::{beside, keep, resume, stopped};
 use lessons::Class;
 use log::Log;
 pub use options::TrainOptions;
+use pace::Pace;
+use safe::Safe;
 use sketch::Sketch;
 pub(crate) use told::topology;
-use told::{energies, licence, table};
+use told::{Learnt, energies, table};
 
 /// How many stages a training has.
 const STAGES: usize = 5;
@@ -89,6 +94,18 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
     Ok(told)
 }
 
+/// One course of steps: on coarse cloth, or on that which is asked for.
+struct Lap<'a> {
+    /// What is kept of it unfinished.
+    part: &'a Path,
+    /// Its curve so far, if that is of interest.
+    curve: Option<&'a Path>,
+    /// What its steps are called.
+    kind: &'static str,
+    /// As many steps come after it, each of which takes so many times as long.
+    after: f64,
+}
+
 struct School<'a, 'w> {
     hero: Option<&'a Hero>,
     options: &'a TrainOptions,
@@ -120,19 +137,28 @@ impl School<'_, '_> {
     ) -> Result<(Vec<Motion>, Vec<String>), Failure> {
         let mut motions = Vec::new();
         let mut sources = Vec::new();
+        let mut turned = 0.0f64;
         let rate = lessons::rate(self.options.system);
         for name in expanded(&self.options.motion)? {
             self.watch.progress(&name);
             self.watch.go_on()?;
-            let (motion, source) = lessons::one((avatar, self.hero), figure, (&name, rate))?;
-            motions.push(motion);
-            sources.push(source);
+            let seen = lessons::one((avatar, self.hero), figure, (&name, rate))?;
+            for warning in &seen.warnings {
+                match warning.contains(&name) {
+                    true => self.watch.warn(warning),
+                    false => self.watch.warn(&format!("{name}: {warning}")),
+                }
+            }
+            turned = turned.max(seen.turned.to_degrees());
+            motions.push(seen.motion);
+            sources.push(seen.source);
         }
         let (motions, [seen, mixed]) = lessons::gathered(avatar, motions, self.options);
         let list = sources.iter().map(|s| Value::from(s.as_str()));
         let mut r = Report::default();
         r.set("motions", list.collect::<Vec<_>>());
         r.set("poses", seen).set("poses_mixed", mixed);
+        r.set("limbs_turned_deg", turned.round());
         self.report.set("learnt_from", r);
         let more = match mixed {
             0 => String::new(),
@@ -204,8 +230,16 @@ impl School<'_, '_> {
         let base = self.hero.map(|h| &h.base);
         let class = Class::new((avatar, figure), (&outfit, base), self.options)?;
         let mut trainer = self.trainer((avatar, &class), motions.to_vec())?;
-        let (last, log) = self.learn(&mut *trainer, (part, "coarse "), None)?;
-        keep(&*trainer, part, &log)?;
+        // As many steps of finer cloth are yet to come, which cost as much more as it has more triangles.
+        let finer = edge / self.options.dress.edge;
+        let lap = Lap {
+            part,
+            curve: None,
+            kind: "coarse ",
+            after: finer * finer,
+        };
+        let (last, log) = self.learn(&mut *trainer, &lap, None)?;
+        keep(&*trainer, (part, None), (&log, &Safe::default()))?;
         let mut r = energies(&last);
         r.set("edge_mm", edge * 1000.0)
             .set("steps", last.step as f64);
@@ -231,7 +265,14 @@ impl School<'_, '_> {
             out,
         });
         let mut trainer = self.trainer((avatar, class), motions)?;
-        let (last, log) = self.learn(&mut *trainer, (part, ""), sketch.as_ref())?;
+        let curve = out.with_extension("csv");
+        let lap = Lap {
+            part,
+            curve: Some(&curve),
+            kind: "",
+            after: 0.0,
+        };
+        let (last, log) = self.learn(&mut *trainer, &lap, sketch.as_ref())?;
         self.check((avatar, figure), &*trainer)?;
         let e = last.energies;
         let line = format!(
@@ -241,15 +282,17 @@ impl School<'_, '_> {
             e.membrane
         );
         self.done(4, "learn", line)?;
-        let mut model = trainer.model(BTreeMap::new());
-        if self.options.system.is_none() {
-            let cloth = (&pupil.cloth, pupil.template.as_slice());
-            model.sway = swings::swings((avatar, figure), cloth, &model.bones)?;
-        }
+        let model = trainer.model(BTreeMap::new());
         let mut files = Vec::with_capacity(class.parts.len() + 2);
         let mut list = Vec::new();
         for (k, name) in class.files(out).into_iter().enumerate() {
             let mut model = class.part_of(&model, k);
+            if self.options.system.is_none() {
+                let part = &class.parts[k];
+                let cloth = cloth_of(&pupil.cloth, (k, part));
+                let lies = (&cloth, &pupil.template[part.verts.clone()]);
+                model.sway = swings::swings((avatar, figure), lies, &model.bones)?;
+            }
             model.notes = self.notes((class, k), (&model.faces, &sources), &last);
             let (weights, off) = small::stored((&model, avatar), (&class.pupils, &shown))?;
             let bytes = write_weights(&weights);
@@ -271,7 +314,7 @@ impl School<'_, '_> {
         tell::colophon(&mut self.report);
         let json = report_json(&self.report);
         files.extend([
-            (out.with_extension("csv"), log.text().into_bytes()),
+            (curve, log.text().into_bytes()),
             (out.with_extension("report.json"), json.into_bytes()),
         ]);
         for (path, bytes) in &files {
@@ -290,10 +333,10 @@ impl School<'_, '_> {
         let mut all = Vec::new();
         for name in expanded(&self.options.check)? {
             self.watch.progress(&format!("judging {name}"));
-            let (motion, source) = lessons::one((avatar, self.hero), figure, (&name, rate))?;
-            let told = trainer.judge(&motion);
+            let shown = lessons::one((avatar, self.hero), figure, (&name, rate))?;
+            let told = trainer.judge(&shown.motion);
             let mut r = energies(&told);
-            r.set("motion", source);
+            r.set("motion", shown.source);
             all.push(Value::Tree(r));
             let line = format!(
                 "{name}: {:.4} J a pose, stretch {:.4} J",
@@ -308,46 +351,55 @@ impl School<'_, '_> {
         Ok(())
     }
 
-    /// All steps that are left after what was kept in `part`, told of as `kind` of steps; stops where it is asked
-    /// to, and keeps what is done.
+    /// All steps that are left after what was kept; stops where it is asked to, and keeps what is done.
     fn learn(
         &mut self,
         trainer: &mut dyn Training,
-        (part, kind): (&Path, &str),
+        course: &Lap<'_>,
         sketch: Option<&Sketch>,
     ) -> Result<(Told, Log), Failure> {
-        let mut log = Log::default();
+        let (mut log, mut safe) = (Log::default(), Safe::default());
+        let files = (course.part, course.curve);
         if self.options.resume {
-            resume(trainer, part, &mut log)?;
+            resume(trainer, course.part, (&mut log, &mut safe))?;
         }
+        let steps = self.options.steps;
         let mut last = log.last().unwrap_or_default();
-        let first = trainer.steps();
-        let (since, mut kept) = (Instant::now(), Instant::now());
-        while trainer.steps() < self.options.steps {
+        let (mut pace, mut kept) = (Pace::new(trainer.steps()), Instant::now());
+        while trainer.steps() < steps {
+            safe.mind(trainer);
             match trainer.step() {
                 Ok(told) => last = told,
                 Err(e) => {
-                    keep(trainer, part, &log)?;
-                    return Err(failure(&e));
+                    let what = e.to_string();
+                    let back = safe.go_back(trainer, e);
+                    log.back_to(trainer.steps());
+                    keep(trainer, files, (&log, &safe))?;
+                    let step = back.map_err(|e| failure(&e))?;
+                    self.watch.warn(&format!(
+                        "{what}; going on from step {step}, with other poses"
+                    ));
+                    continue;
                 }
             }
             log.add(last);
             if let Some(sketch) = sketch {
-                sketch.draw(trainer, self.options.steps)?;
+                sketch.draw(trainer, steps)?;
             }
             let go = self.watch.go_on();
             if go.is_err() || kept.elapsed().as_secs_f64() > KEEP_EVERY {
-                keep(trainer, part, &log)?;
+                keep(trainer, files, (&log, &safe))?;
                 kept = Instant::now();
             }
-            go.map_err(|f| stopped(f, part, trainer.steps(), self.options.steps))?;
-            let done = trainer.steps() - first;
-            let each = since.elapsed().as_secs_f64() / done as f64;
-            let left = each * (self.options.steps - trainer.steps()) as f64;
+            go.map_err(|f| stopped(f, course.part, trainer.steps(), steps))?;
+            let left = pace.left(trainer.steps(), steps, course.after);
             self.watch.progress(&format!(
-                "{kind}step {} of {}, {:.4} J a pose, stretch {:.4} J, {:.2} % of the cloth under the skin, {left:.0} s left",
-                last.step, self.options.steps, last.energies.total(), last.energies.membrane, last.under * 100.0
+                "{}step {} of {steps}, {:.4} J a pose, stretch {:.4} J, {:.2} % of the cloth under the skin, {left:.0} s left",
+                course.kind, last.step, last.energies.total(), last.energies.membrane, last.under * 100.0
             ));
+        }
+        if safe.gone_back > 0 {
+            self.report.set("gone_back", safe.gone_back as f64);
         }
         Ok((last, log))
     }
@@ -363,6 +415,12 @@ impl School<'_, '_> {
         let sources = &class.sources(sources);
         let system = self.options.system;
         let over: Vec<&str> = d.outfit[..k].iter().map(|w| w.garment.as_str()).collect();
+        let learnt = Learnt {
+            is_character: self.hero.is_some(),
+            garment: &d.outfit[k].garment,
+            sources,
+            terms: self.options.terms.as_deref(),
+        };
         let asked = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
         let notes = [
             ("garment", d.outfit[k].garment.clone()),
@@ -380,7 +438,7 @@ impl School<'_, '_> {
             ("gender", asked(d.gender)),
             ("topology", topology(faces)),
             ("trained_on", sources.join("; ")),
-            ("licence", licence(sources)),
+            ("licence", learnt.licence()),
             ("steps", last.step.to_string()),
             ("seed", self.options.seed.to_string()),
             ("system", system.map_or("muslin", System::name).to_owned()),

@@ -14,7 +14,7 @@ use crate::drape::{cloth, standing_in};
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
-use crate::layers::{Predicted, stacked};
+use crate::layers::{Lead, Predicted, stacked};
 use crate::outfit::{Outfit, Piece};
 use crate::simulate::SimulateOptions;
 use crate::swings;
@@ -80,8 +80,8 @@ pub fn swung_anew() -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
 /// Seconds between poses of which there is only one.
 const STEP: f64 = 1.0 / 30.0;
 
-/// A garment, its player, and whether it was taught to lie over those below it.
-type Wise<'a> = (&'a Piece, Player, bool);
+/// A garment, its player, and how it is led out of those below it.
+type Wise<'a> = (&'a Piece, Player, Option<Lead>);
 
 /// An outfit of trained garments on somebody, which knows where it lies in a pose.
 ///
@@ -105,7 +105,11 @@ impl<'a> Known<'a> {
         let one = |((piece, worn), model): ((&'a Piece, &Worn), Model)| {
             let of = (&piece.fabric, &measures, outfit.cut_for.as_ref());
             let model = traits::told(fitted(model, &worn.verts), of);
-            Some((piece, Player::new(&model, avatar).ok()?, false))
+            Some((
+                piece,
+                Player::new(&model, avatar).ok()?,
+                Some(Lead::STRANGE),
+            ))
         };
         let pieces = all.map(one).collect::<Option<_>>()?;
         Some(Self {
@@ -128,7 +132,7 @@ impl<'a> Known<'a> {
     pub fn laid(&self, pose: &Pose) -> Option<Vec<DVec3>> {
         let mut garments = Vec::with_capacity(self.pieces.len());
         let bones = self.avatar.bones(self.figure, pose);
-        for (piece, player, taught_over) in &mut self.pieces.clone() {
+        for (piece, player, lead) in &mut self.pieces.clone() {
             let mut verts = vec![[0.0; 3]; player.n_verts()];
             player.begin(STEP);
             player.frame(pose, &bones, &mut verts);
@@ -140,7 +144,7 @@ impl<'a> Known<'a> {
             garments.push(Predicted {
                 garment: &piece.garment,
                 x: verts,
-                taught_over: *taught_over,
+                lead: *lead,
             });
         }
         Some(stacked(garments.into_iter()))

@@ -158,21 +158,17 @@ fn stems(path: &Path, folder: &Path) -> Result<Vec<String>, IoError> {
     if !path.is_dir() {
         return Ok(vec![super::stem(path)]);
     }
-    let entries =
-        std::fs::read_dir(folder).map_err(|e| crate::error::unreadable(&name(folder), &e))?;
-    let caches = entries.flatten().map(|e| e.path());
-    let caches = caches.filter(|p| p.extension().is_some_and(|e| e == "pc2"));
-    let mut stems: Vec<String> = caches.map(|p| super::stem(&p)).collect();
+    let caches = super::several::ending(folder, "pc2")?;
+    let mut stems: Vec<String> = caches.iter().map(|p| super::stem(p)).collect();
     stems.retain(|s| s != "body");
-    stems.sort();
     if stems.is_empty() {
         let fault = Fault::new(
             "not-animated",
             name(folder),
-            "no point cache (.pc2) in this folder",
+            "neither point caches (.pc2) nor .npz in this folder",
         );
         return Err(fault
-            .hint("name a folder that `muslin simulate --pc2` wrote")
+            .hint("name a folder that `muslin simulate --pc2` wrote, or one with the .npz of --npz")
             .invalid());
     }
     Ok(stems)

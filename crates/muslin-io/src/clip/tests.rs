@@ -55,6 +55,43 @@ fn an_exchange_file_comes_back_garment_by_garment() {
 }
 
 #[test]
+fn garments_in_files_of_their_own_come_back_as_one_outfit_in_layer_order() {
+    let clip = sample();
+    let folder = Folder::new("clip-npz-all");
+    for (name, bytes) in clip.npz_files("walk").expect("finite") {
+        folder.put(&name, &bytes);
+    }
+    let as_folder = read_clip(folder.path()).expect("whole");
+    let by_name = read_clip(&folder.path().join("walk.npz")).expect("whole");
+    // Whatever rest shape not all of them have is left out, in files as in memory.
+    let want = Clip::joined(clip.garments().into_iter().map(|g| g.1).collect());
+    let want = want.expect("one rate");
+    assert_eq!(as_folder, want);
+    assert_eq!(by_name, want);
+    let parts: Vec<&str> = as_folder
+        .drape
+        .parts
+        .iter()
+        .map(|p| p.name.as_str())
+        .collect();
+    assert_eq!(parts, ["trousers", "tee"], "not by name");
+
+    let mut other = clip.garments().swap_remove(1).1;
+    other.body[0][0].x += 0.5;
+    folder.put("run.npz", &other.npz().expect("finite"));
+    let fault = read_clip(folder.path())
+        .expect_err("another motion")
+        .to_string();
+    assert!(
+        fault.contains("run.npz") && fault.contains("body"),
+        "{fault}"
+    );
+    let own = read_clip(&folder.path().join("walk.npz"));
+    assert_eq!(own.expect("those of the walk"), want);
+    assert!(read_clip(&folder.path().join("sit.npz")).is_err());
+}
+
+#[test]
 fn point_caches_come_back_in_layer_order_with_rate_and_body() {
     let clip = sample();
     let folder = Folder::new("clip-pc2");

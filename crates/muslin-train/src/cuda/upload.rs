@@ -3,9 +3,9 @@
 use muslin_model::{CrowdError, Skin};
 
 use super::{Array, Device};
-use crate::body::Posed;
 use crate::cut::Cut;
 use crate::factor::{Factor, Sweep};
+use crate::ground::Posed;
 use crate::pack::Pack;
 use crate::rows::flat;
 use crate::wearer::Wearer;

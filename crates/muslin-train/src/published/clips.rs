@@ -8,7 +8,8 @@ use muslin_body::{Motion, Pose};
 use muslin_model::Stream;
 use rayon::prelude::*;
 
-use crate::body::{Posed, Skinned};
+use crate::body::Skinned;
+use crate::ground::Posed;
 use crate::lanes::{LANES, Row};
 
 /// A pose of a motion: which motion, which pose.

@@ -13,7 +13,7 @@ use super::net::{Bent, glorot};
 use super::recipe::{RESIZER, RESIZING, sizes};
 use super::wearer::Wearer;
 use super::work::{Met, ask, broken};
-use crate::body::Posed;
+use crate::ground::Posed;
 use crate::lanes::{LANES, Row};
 
 /// What does not change.

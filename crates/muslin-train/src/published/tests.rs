@@ -374,26 +374,7 @@ fn turned_back(trainer: &Published, (frame, lane): (&Frame, usize), v: usize, f:
     trainer.skin.row(v).map(one).sum()
 }
 
-/// The shirt, and the same again a little outside of it.
-static OUTFIT: LazyLock<Class> = LazyLock::new(|| {
-    let mut class = Class::new();
-    let n = class.template.len() as u32;
-    let normals = muslin_geom::vertex_normals(&class.template, &class.cloth.faces);
-    let pairs = class.template.iter().zip(&normals);
-    let outer: Vec<DVec3> = pairs.map(|(p, n)| *p + *n * 0.002).collect();
-    class.template.extend(outer);
-    let cloth = &mut class.cloth;
-    let again: Vec<[u32; 3]> = cloth.faces.iter().map(|f| f.map(|v| v + n)).collect();
-    cloth.faces.extend(again);
-    cloth.rest.extend_from_within(..);
-    cloth.material_of.extend_from_within(..);
-    cloth.layers.extend(vec![1; n as usize]);
-    for v in 0..n as usize {
-        let row = class.weights.row(v).to_vec();
-        class.weights.push(row);
-    }
-    class
-});
+static OUTFIT: LazyLock<Class> = LazyLock::new(Class::outfit);
 
 #[test]
 fn layers_push_each_other_as_their_cost_says_and_no_force_is_lost() {

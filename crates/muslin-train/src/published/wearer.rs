@@ -2,11 +2,11 @@
 
 use muslin_model::{Encoder, Stream, Trait};
 
-use super::layers::{Layer, layers};
 use super::sheet::Sheet;
 use super::trainer::Course;
 use crate::TrainError;
 use crate::body::Skinned;
+use crate::layers::{Layer, layers};
 use crate::lesson::Lesson;
 
 /// One lesson, ready to be worked on.

@@ -8,14 +8,14 @@ use muslin_net::learn::{View, multiply};
 use rayon::prelude::*;
 
 use super::clips::{Batch, Clips, Frame, Place};
-use super::layers::{On, hand_back};
+use super::layers::{On, hand_back, lie};
 use super::net::{self, Chance, Tape};
 use super::recipe::Recipe;
 use super::sheet::Sheet;
 use super::trainer::Published;
 use super::wearer::Wearer;
 use super::{gravity, laws};
-use crate::body::{Posed, Wall};
+use crate::ground::{Posed, Wall};
 use crate::lanes::{LANES, Lane, Row, Vec3};
 use crate::laws::G;
 use crate::skin;
@@ -331,7 +331,7 @@ impl Met {
 fn meet(wearer: &Wearer<'_>, skin: &Posed, x: &[DVec3]) -> (Vec<Wall>, Vec<On>) {
     let mut walls = wearer.body.walls(skin, x);
     let layers = wearer.layers.iter();
-    let on = layers.flat_map(|l| l.lie(x, &mut walls)).collect();
+    let on = layers.flat_map(|l| lie(l, x, &mut walls)).collect();
     (walls, on)
 }
 

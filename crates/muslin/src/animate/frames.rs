@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::begin::begin;
 use crate::drape::{LAID, NEARLY_THERE, to_rest};
 use crate::failure::{Exit, Failure};
-use crate::layers::{Predicted, stacked};
+use crate::layers::{Lead, Predicted, stacked};
 use crate::simulate::reel::{Reel, Told};
 use crate::simulate::set::Set;
 use crate::wardrobe::Known;
@@ -239,7 +239,7 @@ fn led_in(
     let (motion, lead) = (&set.moving.motion, set.moving.lead);
     let players = players((set, models), 0.0)?.into_iter().enumerate();
     let pieces = players.zip(&set.outfit.pieces);
-    let pieces = pieces.map(|((k, player), piece)| (piece, player, taught_over(models, k)));
+    let pieces = pieces.map(|((k, player), piece)| (piece, player, led_out(models, k)));
     let known = Known::told((set.avatar, &set.figure), pieces.collect());
     let pose = |share: f64| (share * lead as f64).round() as usize;
     let still = || Surface::new(&set.rest(), set.avatar.collision_faces());
@@ -279,7 +279,7 @@ fn one_over_the_other((set, models): (&Set, &[Model]), flat: &[Vec<[f32; 3]>]) -
     stacked(all.map(|(k, (flat, piece))| Predicted {
         garment: &piece.garment,
         x: flat.iter().map(wide).collect(),
-        taught_over: taught_over(models, k),
+        lead: led_out(models, k),
     }))
 }
 
@@ -364,10 +364,15 @@ fn meeting(set: &Set, x: &[DVec3], skin: &[DVec3]) -> usize {
     intersecting_pairs(&mesh(x, &set.cloth.faces), &body).len()
 }
 
-/// Whether model `k` was taught over just those below it.
-fn taught_over(models: &[Model], k: usize) -> bool {
+/// How the garment of model `k` is led out of those below it, if it was not taught over just these all that it does.
+fn led_out(models: &[Model], k: usize) -> Option<Lead> {
     let below = models[..k].iter().map(|m| note_of(m, "garment"));
-    k > 0 && note_of(&models[k], "over") == below.collect::<Vec<_>>().join(",")
+    let taught_over = k > 0 && note_of(&models[k], "over") == below.collect::<Vec<_>>().join(",");
+    match (taught_over, models[k].sway.is_some()) {
+        (false, _) => Some(Lead::STRANGE),
+        (true, true) => Some(Lead::SWINGING),
+        (true, false) => None,
+    }
 }
 
 /// What the networks say with that much motion, on one thread, each garment led out of those below it; frames

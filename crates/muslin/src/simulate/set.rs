@@ -9,7 +9,7 @@ use muslin_model::Model;
 use muslin_sim::{Air, Cloth, Frame, Walk};
 
 use crate::brought::dressed;
-use crate::drape::{cloth, put_on};
+use crate::drape::{cloth, cloth_of, put_on};
 use crate::failure::Failure;
 use crate::figure::body_frame;
 use crate::hero::Hero;
@@ -100,25 +100,7 @@ impl<'a> Set<'a> {
 
     /// Garment `k` alone for the solver.
     pub fn cloth_of(&self, k: usize) -> Cloth {
-        let part = &self.outfit.parts()[k];
-        let own = |v: &u32| part.verts.contains(&(*v as usize));
-        let first = part.verts.start as u32;
-        let c = &self.cloth;
-        Cloth {
-            faces: (c.faces[part.faces.clone()].iter())
-                .map(|f| f.map(|v| v - first))
-                .collect(),
-            rest: c.rest[part.faces.clone()].to_vec(),
-            materials: vec![c.materials[k]],
-            material_of: vec![0; part.faces.len()],
-            layers: vec![0; part.verts.len()],
-            pins: c
-                .pins
-                .iter()
-                .filter(|v| own(v))
-                .map(|v| v - first)
-                .collect(),
-        }
+        cloth_of(&self.cloth, (k, &self.outfit.parts()[k]))
     }
 
     /// The skin in a pose of the motion, the lead-in counted [m].

@@ -6,6 +6,7 @@ use muslin_io::{read_file, read_weights, write_file, write_weights};
 use muslin_train::{TrainError, Training};
 
 use super::log::Log;
+use super::safe::Safe;
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 
@@ -16,13 +17,14 @@ pub(crate) const MOST_BYTES: u64 = 8 << 30;
 pub(super) fn resume(
     trainer: &mut dyn Training,
     part: &Path,
-    log: &mut Log,
+    (log, safe): (&mut Log, &mut Safe),
 ) -> Result<(), Failure> {
     if !part.exists() {
         return Ok(());
     }
     let input = read_file(part, MOST_BYTES).map_err(|e| file_failure(&e))?;
-    let kept = read_weights(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
+    let mut kept = read_weights(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
+    *safe = Safe::of(&mut kept);
     trainer
         .restore(&kept)
         .map_err(|e| failure(&e).at(part.display().to_string()))?;
@@ -32,12 +34,22 @@ pub(super) fn resume(
     Ok(())
 }
 
-/// Writes all that changes.
-pub(super) fn keep(trainer: &dyn Training, part: &Path, log: &Log) -> Result<(), Failure> {
+/// Writes all that changes, and the curve so far to `curve`, if that is said.
+pub(super) fn keep(
+    trainer: &dyn Training,
+    (part, curve): (&Path, Option<&Path>),
+    (log, safe): (&Log, &Safe),
+) -> Result<(), Failure> {
     let mut kept = trainer.keep();
-    kept.notes.insert("log".into(), log.text());
-    let written = write_file(part, &write_weights(&kept));
-    written.map(|_| ()).map_err(|e| file_failure(&e))
+    safe.add_to(&mut kept);
+    let text = log.text();
+    kept.notes.insert("log".into(), text.clone());
+    let written = |path: &Path, bytes: &[u8]| {
+        let written = write_file(path, bytes);
+        written.map(|_| ()).map_err(|e| file_failure(&e))
+    };
+    written(part, &write_weights(&kept))?;
+    curve.map_or(Ok(()), |path| written(path, text.as_bytes()))
 }
 
 /// Says how far it came.

@@ -225,12 +225,24 @@ pub(super) fn rate(system: Option<System>) -> f64 {
     }
 }
 
-/// A motion without its way in from the rest pose, and what to call it.
+/// A motion that is shown.
+pub(super) struct Shown {
+    /// Without its way in from the rest pose.
+    pub motion: Motion,
+    /// What to call it.
+    pub source: String,
+    /// What there is to be said of it.
+    pub warnings: Vec<String>,
+    /// How far limbs were turned at most, where it leads the body deep into itself [rad].
+    pub turned: f64,
+}
+
+/// The motion of that name.
 pub(super) fn one(
     who: (&Avatar, Option<&Hero>),
     figure: &Figure,
     (name, fps): (&str, f64),
-) -> Result<(Motion, String), Failure> {
+) -> Result<Shown, Failure> {
     let options = SimulateOptions {
         motion: name.to_owned(),
         fps,
@@ -245,7 +257,12 @@ pub(super) fn one(
         fps: moving.motion.fps,
         poses: moving.motion.poses[moving.lead..].to_vec(),
     };
-    Ok((motion, source))
+    Ok(Shown {
+        motion,
+        source,
+        warnings: moving.warnings,
+        turned: moving.turned,
+    })
 }
 
 /// A file without its folder: models travel, folders do not.

@@ -22,6 +22,11 @@ impl Log {
         self.lines.last().copied()
     }
 
+    /// Forgets what came after `step`.
+    pub fn back_to(&mut self, step: u64) {
+        self.lines.retain(|t| t.step <= step);
+    }
+
     /// As text.
     pub fn text(&self) -> String {
         let mut out = format!("{HEAD}\n");

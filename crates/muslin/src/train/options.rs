@@ -14,7 +14,7 @@ use crate::options::{DressOptions, Wear, within};
 pub struct TrainOptions {
     /// The published system that is taught; our own if none.
     pub system: Option<System>,
-    /// Who wears what: one garment, but of PBNS as many as are worn.
+    /// Who wears what: one garment, or several that are worn over each other.
     pub dress: DressOptions,
     /// Built-in motions, files, or folders of files to learn from.
     pub motion: Vec<String>,
@@ -52,6 +52,8 @@ pub struct TrainOptions {
     pub fairness: Option<f64>,
     /// Steps that cloth goes by itself in our own training before it is learnt from; none if not said.
     pub relaxed: Option<usize>,
+    /// The terms of the files that are learnt from, as the model is to say them.
+    pub terms: Option<String>,
     /// Where random numbers start.
     pub seed: u64,
     /// Step size of the network, if not the usual one.
@@ -90,6 +92,7 @@ impl Default for TrainOptions {
             augment: None,
             fairness: None,
             relaxed: None,
+            terms: None,
             seed: Plan::default().seed,
             rate: None,
             device: Place::Any,
@@ -230,6 +233,28 @@ impl TrainOptions {
         Ok(())
     }
 
+    /// Refuses an outfit where one garment alone is taught.
+    fn outfit_fits(&self) -> Result<(), Failure> {
+        let n = self.dress.outfit.len();
+        if n == 1 {
+            return Ok(());
+        }
+        let whose = match self.system {
+            Some(s @ (System::Snug | System::Ncs)) => Some(format!("`train {}`", s.name())),
+            _ if self.any_fabric => Some("--fabric any".into()),
+            _ if self.from.is_some() => Some("--from".into()),
+            _ if self.coarse.is_some() => Some("--coarse".into()),
+            _ => None,
+        };
+        let Some(whose) = whose else {
+            return Ok(());
+        };
+        let what = format!("{n} garments at once, where {whose} is for one");
+        Err(Failure::new(Exit::Usage, "one-garment", what)
+            .at("--garment")
+            .hint("train them one by one: `animate` wears one over the other"))
+    }
+
     /// Refuses numbers out of range and what cannot be taught.
     pub fn check(&self, out: &Path) -> Result<(), Failure> {
         self.dress.check()?;
@@ -253,13 +278,7 @@ impl TrainOptions {
         within("--relax", "", self.relaxed.map(|x| x as f64), (0.0, 64.0))?;
         within("--rate", "", self.rate, (1e-6, 0.1))?;
         within("--picture", "", self.picture.map(|x| x as f64), (1.0, 1e7))?;
-        if self.dress.outfit.len() != 1 && self.system != Some(System::Pbns) {
-            let n = self.dress.outfit.len();
-            let what = format!("{n} garments at once are for `train pbns`");
-            return Err(Failure::new(Exit::Usage, "one-garment", what)
-                .at("--garment")
-                .hint("train them one by one: `animate` wears one over the other"));
-        }
+        self.outfit_fits()?;
         if !out
             .extension()
             .is_some_and(|e| e.eq_ignore_ascii_case("muslin"))

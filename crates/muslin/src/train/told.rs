@@ -6,6 +6,7 @@ use muslin_geom::Report;
 use muslin_io::sha256;
 use muslin_train::Told;
 
+use crate::brought::is_file;
 use crate::table::Table;
 
 /// Costs as they stand in the report.
@@ -28,12 +29,49 @@ pub(crate) fn topology(faces: &[[u32; 3]]) -> String {
     sha256(&bytes)
 }
 
-/// The terms of everything that was learnt from.
-pub(super) fn licence(sources: &[String]) -> String {
-    let own = "body CC0; built-in motions and garment Apache-2.0 OR MIT";
-    match sources.iter().all(|s| s.starts_with("built-in")) {
-        true => own.into(),
-        false => format!("{own}; recordings under their owners' terms: see trained_on"),
+/// What was learnt from, and what its owners ask.
+pub(super) struct Learnt<'a> {
+    /// Whether the body is a character's.
+    pub is_character: bool,
+    /// The garment, one of ours or a file's.
+    pub garment: &'a str,
+    /// Motions, as a model names them.
+    pub sources: &'a [String],
+    /// The terms of all that came in files, where they are said.
+    pub terms: Option<&'a str>,
+}
+
+impl Learnt<'_> {
+    /// The terms of everything that was learnt from.
+    pub fn licence(&self) -> String {
+        let is_built_in = |s: &String| s.starts_with("built-in");
+        let from_file = is_file(self.garment);
+        let ours = [
+            (!self.is_character, "body CC0"),
+            (!from_file, "garment Apache-2.0 OR MIT"),
+            (
+                self.sources.iter().any(is_built_in),
+                "built-in motions Apache-2.0 OR MIT",
+            ),
+        ];
+        let theirs = [
+            (self.is_character, "body"),
+            (from_file, "garment"),
+            (
+                !self.sources.iter().all(is_built_in),
+                "recordings (trained_on)",
+            ),
+        ];
+        let listed = |list: [(bool, &'static str); 3]| -> Vec<&str> {
+            list.into_iter().filter(|e| e.0).map(|e| e.1).collect()
+        };
+        let mut all: Vec<String> = listed(ours).into_iter().map(str::to_owned).collect();
+        let theirs = listed(theirs);
+        if !theirs.is_empty() {
+            let terms = self.terms.unwrap_or("their owners' terms");
+            all.push(format!("{} under {terms}", theirs.join(", ")));
+        }
+        all.join("; ")
     }
 }
 
@@ -55,4 +93,50 @@ pub(super) fn table(last: &Told, files: &[(PathBuf, Vec<u8>)]) -> String {
         ]);
     }
     table.text()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_says_whose_terms_each_thing_is_under_that_it_learnt_from() {
+        let built_in = ["built-in walk".to_owned()];
+        let both = ["built-in walk".to_owned(), "a.bvh sha256:01".to_owned()];
+        let own = Learnt {
+            is_character: false,
+            garment: "tee",
+            sources: &built_in,
+            terms: None,
+        };
+        assert_eq!(
+            own.licence(),
+            "body CC0; garment Apache-2.0 OR MIT; built-in motions Apache-2.0 OR MIT"
+        );
+        let theirs = Learnt {
+            is_character: true,
+            garment: "suit.obj#2",
+            sources: &both[1..],
+            ..own
+        };
+        let all = "body, garment, recordings (trained_on) under";
+        assert_eq!(theirs.licence(), format!("{all} their owners' terms"));
+        let said = Learnt {
+            terms: Some("CC BY 4.0, Jane Doe"),
+            ..theirs
+        };
+        assert_eq!(said.licence(), format!("{all} CC BY 4.0, Jane Doe"));
+        let mixed = Learnt {
+            is_character: false,
+            garment: "tee",
+            sources: &both,
+            terms: None,
+        };
+        assert!(mixed.licence().contains("built-in motions"));
+        assert!(
+            mixed
+                .licence()
+                .ends_with("; recordings (trained_on) under their owners' terms")
+        );
+    }
 }
