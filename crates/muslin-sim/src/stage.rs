@@ -416,6 +416,11 @@ impl<'a> Stage<'a> {
         self.step(&Pace::calm(self.options.step, 0.5))
     }
 
+    /// Solves each step by so many iterations at most from now on; what it was.
+    pub fn iterate(&mut self, iterations: usize) -> usize {
+        std::mem::replace(&mut self.options.iterations, iterations)
+    }
+
     /// One step from rest to rest.
     pub fn calm_step(&mut self) -> Result<(), SimError> {
         self.step(&self.hasty(0.0))
