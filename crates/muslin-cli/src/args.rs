@@ -162,6 +162,9 @@ pub struct Shot {
     /// Also draw the last frame (OUT.png) and a film (OUT.film.png, animated).
     #[arg(long)]
     pub picture: bool,
+    /// Let the film's camera go around the body once, as on a turntable.
+    #[arg(long, requires = "picture")]
+    pub turn: bool,
     /// How much of the motion [s] [default: all].
     #[arg(long)]
     pub seconds: Option<f64>,
@@ -176,6 +179,7 @@ impl Shot {
         SimulateOptions {
             bake: self.bake,
             picture: self.picture,
+            turn: self.turn,
             seconds: self.seconds,
             start: self.start,
             ..options

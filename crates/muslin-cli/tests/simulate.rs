@@ -70,6 +70,25 @@ fn an_animation_comes_with_its_report_arrays_and_caches_that_can_be_judged() {
 }
 
 #[test]
+fn a_film_follows_the_body_or_goes_around_it() {
+    let folder = Folder::new("film");
+    let shot = |name: &str, more: &[&str]| {
+        let done = wave(&folder.at(&format!("{name}.glb")), more);
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        ["png", "film.png"]
+            .map(|kind| std::fs::read(folder.at(&format!("{name}.{kind}"))).expect("written"))
+    };
+    let before = shot("a", &["--outfit", "tee", "--picture"]);
+    let around = shot("b", &["--outfit", "tee", "--picture", "--turn"]);
+    assert!(before[0] == around[0], "the same still");
+    assert!(before[1] != around[1], "another film");
+    assert!(around[1].windows(4).any(|w| w == b"acTL"), "animated");
+    let alone = wave(&folder.at("c.glb"), &["--outfit", "tee", "--turn"]);
+    assert_eq!(alone.status.code(), Some(2), "{}", errors(&alone));
+    assert!(errors(&alone).contains("--picture"), "{}", errors(&alone));
+}
+
+#[test]
 fn a_baked_animation_has_bones_or_mixed_targets_and_says_how_far_off_it_is() {
     let folder = Folder::new("bake");
     for (how, farthest) in [("bones:24", 0.02), ("morphs:5", 2e-3)] {

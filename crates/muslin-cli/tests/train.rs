@@ -181,6 +181,7 @@ fn what_cannot_be_taught_or_played_is_refused_in_words() {
     let folder = Folder::new("refused");
     let two = muslin(&[
         "train",
+        "ncs",
         "--garment",
         "tee,trousers",
         "-o",
@@ -551,7 +552,7 @@ fn our_own_network_learns_an_outfit_whose_garments_swing_and_are_judged_together
     let folder = Folder::new("own-layers");
     let out = folder.at("look.muslin");
     let outfit = ["--garment", "shorts,tee", "--steps", "3"];
-    let done = train(&out, &[&outfit[..], &["--mixed", "0"]].concat());
+    let done = train(&out, &outfit);
     assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
     let models = ["look.shorts.muslin", "look.tee.muslin"];
     for (name, over) in models.into_iter().zip(["", "shorts"]) {
@@ -597,9 +598,10 @@ fn our_own_network_learns_an_outfit_whose_garments_swing_and_are_judged_together
     for more in [
         &["--fabric", "any"][..],
         &["--from", &tee],
-        &["--coarse", "25", "--edge", "20"],
+        &["--coarse", "25"],
     ] {
-        let done = train(&out, &[&outfit[..], more].concat());
+        let args = [&["train", "-o", &out], &outfit[..], more].concat();
+        let done = muslin(&args);
         assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
         let said = errors(&done);
         assert!(

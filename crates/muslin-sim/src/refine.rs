@@ -38,12 +38,15 @@ pub struct Guesses<'a> {
     pub steps: usize,
     /// How many times its inertia counts; none, and every frame comes to rest.
     pub inertia: f64,
+    /// Whether the first frame is led on until it lies still, in however many steps: else it would come to rest before
+    /// everybody's eyes.
+    pub begins_at_rest: bool,
 }
 
 /// How many times as many steps the first of some frames needs: it knows of no frame before it.
 const FIRST: usize = 3;
 
-/// Steps at most until the first frame of cloth that swings lies still, and how far it goes in a step then, on the
+/// Steps at most until the first frame lies still, and how far it goes in a step then, on the
 /// mean [m].
 const SETTLED: usize = 90;
 const STILL: f64 = 5e-6;
@@ -114,8 +117,7 @@ pub fn refine(
     .0
 }
 
-/// Leads cloth on until it lies still: what swings is to begin at rest, else it would come to rest before everybody's
-/// eyes.
+/// Leads cloth on until it lies still.
 fn settle(stage: &mut Stage<'_>, pace: &Pace) -> Result<(), SimError> {
     let usual = stage.iterate(THOROUGH);
     for _ in 0..SETTLED {
@@ -185,7 +187,7 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                 for _ in 0..least {
                     stage.step(&self.pace)?;
                 }
-                if anew && swings {
+                if anew && guesses.begins_at_rest {
                     settle(stage, &self.pace)?;
                 }
                 if swings {

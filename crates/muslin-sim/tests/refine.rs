@@ -91,6 +91,7 @@ impl Scene {
             first,
             steps,
             inertia: 0.0,
+            begins_at_rest: false,
         };
         let mut out = Vec::new();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -213,6 +214,7 @@ fn strip(inertia: f64, pinched: Option<usize>) -> Vec<Refined> {
         first: 0,
         steps: 5,
         inertia,
+        begins_at_rest: false,
     };
     let options = Options {
         pin: 500.0,
@@ -297,6 +299,7 @@ fn cloth_that_swings_is_within_its_limit_from_the_first_frame_on() {
             first: 0,
             steps: 5,
             inertia,
+            begins_at_rest: false,
         };
         let mut first = None;
         let deliver = |r: Refined| {
@@ -310,4 +313,51 @@ fn cloth_that_swings_is_within_its_limit_from_the_first_frame_on() {
     let (held, slipped) = (longest(0.0), longest(1.0));
     assert!(held > 0.15, "{held}");
     assert!(slipped < 0.07, "{slipped}");
+}
+
+#[test]
+fn cloth_that_begins_at_rest_stays_where_it_is_on_a_body_that_stands_still() {
+    // A strip that hangs from its upper end, guessed to hang aslant.
+    let (mut cloth, flat) = sheet(DVec2::new(0.04, 0.4), [2, 20]);
+    cloth.pins = (60..63).collect();
+    let aslant = |p: &DVec2| DVec3::new(p.x, p.y, 0.2 * (0.4 - p.y));
+    let guess: Vec<DVec3> = flat.iter().map(aslant).collect();
+    let middle = DVec3::new(0.02, 0.5, 0.1);
+    let (rest, faces) = capsule(middle, middle + DVec3::Z * 1e-6, 0.01, 12);
+    let at = |_: usize| Frame::from(rest.clone());
+    let frames = 20;
+    let walk = Walk {
+        faces: &faces,
+        rest: &rest,
+        frames,
+        lead: 0,
+        fps: 30.0,
+        at: &at,
+    };
+    let options = Options {
+        pin: 1e3,
+        handles: true,
+        ..Options::USUAL
+    };
+    let drift = |begins_at_rest: bool| {
+        let guesses = Guesses {
+            begun: None,
+            frames: &vec![guess.clone(); frames],
+            first: 0,
+            steps: 5,
+            inertia: 1.0,
+            begins_at_rest,
+        };
+        let mut out = Vec::new();
+        let deliver = |r: Refined| out.push(r.verts);
+        refine(&cloth, &guesses, (&walk, &options, &|| true), deliver).expect("valid");
+        let farthest = |x: &Vec<DVec3>| {
+            let pairs = out[0].iter().zip(x);
+            pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
+        };
+        out.iter().map(farthest).fold(0.0, f64::max)
+    };
+    let [moves, stays] = [false, true].map(drift);
+    assert!(moves > 2e-3, "{moves} m");
+    assert!(stays < 0.2 * moves && stays < 1e-3, "{stays} of {moves} m");
 }

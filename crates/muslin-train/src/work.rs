@@ -569,6 +569,7 @@ mod tests {
     fn what_is_not_a_number_is_skipped_a_few_times_and_then_named() {
         let mut trainer = CLASS.trainer();
         trainer.step().expect("finite");
+        let sound = trainer.keep();
         trainer.now.modes[5 * 3 * 8] = f32::NAN;
         let before = trainer.now.params.clone();
         let mut fault = None;
@@ -586,6 +587,17 @@ mod tests {
             matches!(fault, Some(TrainError::NotFinite { vertex, .. }) if vertex <= 6),
             "{fault:?}"
         );
+        // Back where it was sound, it goes on with its poses in another order.
+        let mut as_before = CLASS.trainer();
+        as_before.restore(&sound).expect("of the same training");
+        let other = crate::in_another_order(sound, 1).expect("a training");
+        trainer.restore(&other).expect("of the same training");
+        assert_eq!((trainer.steps(), trainer.now.bad), (1, 0));
+        for t in [&mut trainer, &mut as_before] {
+            t.step().expect("finite");
+        }
+        assert!(trainer.now.modes.iter().all(|m| m.is_finite()));
+        assert_ne!(trainer.now.queue, as_before.now.queue);
     }
 
     #[test]

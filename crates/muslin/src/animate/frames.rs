@@ -64,10 +64,19 @@ pub(crate) fn play(
         0 => shown(set, &raw.frames, watch)?,
         _ => {
             let how = (set, refine, inertia);
-            let mut solved = led(how, (0, &raw.frames, None), (true, watch))?;
+            let begins = Begins {
+                at_rest: true,
+                or_none: true,
+            };
+            let mut solved = led(how, (0, &raw.frames, None), (begins, watch))?;
             if solved[0].faults > 0 {
                 let begun = begun((set, models), &mut solved, watch)?;
-                solved = along(how, (0, &raw.frames, begun.as_deref()), watch)?;
+                let guesses = (0, raw.frames.as_slice(), begun.as_deref());
+                let begins = Begins {
+                    or_none: false,
+                    ..begins
+                };
+                solved = led(how, guesses, (begins, watch))?;
             }
             solved
         }
@@ -162,21 +171,33 @@ fn shown(set: &Set, raw: &[Vec<DVec3>], watch: &mut Watch) -> Result<Vec<Solved>
     Ok(out)
 }
 
+/// How frames begin.
+#[derive(Clone, Copy)]
+struct Begins {
+    /// The first is led on until it lies still.
+    at_rest: bool,
+    /// Where the first ends with a fault, it is all there is.
+    or_none: bool,
+}
+
 /// Leads predictions of the frames from `first` on to rest, `steps` each, one after the other; or lets the
-/// cloth swing from the first of them on, where inertia counts.
+/// cloth swing from where it lies still in the first of them, where inertia counts.
 pub(crate) fn along(
     how: (&Set, usize, f64),
     guesses: (usize, &[Vec<DVec3>], Option<&[DVec3]>),
     watch: &mut Watch,
 ) -> Result<Vec<Solved>, Failure> {
-    led(how, guesses, (false, watch))
+    let begins = Begins {
+        at_rest: how.2 > 0.0,
+        or_none: false,
+    };
+    led(how, guesses, (begins, watch))
 }
 
-/// The same; `or_none`: where the first frame ends with a fault, it is all there is.
 fn led(
     (set, steps, inertia): (&Set, usize, f64),
     (first, raw, begun): (usize, &[Vec<DVec3>], Option<&[DVec3]>),
-    (or_none, watch): (bool, &mut Watch),
+    (begins, watch): (Begins, &mut Watch),
 ) -> Result<Vec<Solved>, Failure> {
     let (rest, at) = (set.rest(), |k: usize| set.frame(k));
     let walk = set.walk(&rest, &at);
@@ -191,13 +212,14 @@ fn led(
         first,
         steps,
         inertia,
+        begins_at_rest: begins.at_rest,
     };
     let (asked, in_vain) = (watch.may_go_on(), AtomicBool::new(false));
     let may_go_on = || asked() && !in_vain.load(Relaxed);
     let mut out = Vec::with_capacity(raw.len());
     let deliver = |r: Refined| {
         out.push(Solved::from(r));
-        if or_none && out.len() == 1 && out[0].faults > 0 {
+        if begins.or_none && out.len() == 1 && out[0].faults > 0 {
             in_vain.store(true, Relaxed);
         }
         watch.progress(&format!("frame {} of {}", out.len(), raw.len()));

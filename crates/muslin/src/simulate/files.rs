@@ -107,7 +107,11 @@ pub fn make(
     if options.picture {
         let folder = out.parent().unwrap_or(Path::new(""));
         let shown = judged.as_ref().map_or(clip, |j| &j.shown);
-        let (still, moving) = film::pictures((set, &covered), shown, options.dress.backdrop);
+        let (still, moving) = film::pictures(
+            (set, &covered),
+            shown,
+            (options.dress.backdrop, options.turn),
+        );
         let name = stem(out);
         let moving = animated_png(&moving, film::FRAME_MS);
         let files = vec![

@@ -1,6 +1,8 @@
 //! Pictures of a simulation: its last frame, and a film that follows the body.
 
-use glam::{DAffine3, DVec3};
+use std::f64::consts::TAU;
+
+use glam::DAffine3;
 use muslin_geom::Image;
 use muslin_io::Clip;
 use muslin_picture::{Camera, Ground, Options, Stage};
@@ -21,16 +23,28 @@ pub const FRAME_MS: u16 = 100;
 /// A set, and which of its skin's vertices are left out: none, or a flag each.
 type Seen<'a> = (&'a Set<'a>, &'a [bool]);
 
-/// The last frame, and frames evenly spread over the time.
-pub fn pictures((set, covered): Seen, clip: &Clip, backdrop: Backdrop) -> (Image, Vec<Image>) {
+/// The last frame, and frames evenly spread over the time, in which the camera may go around the body once.
+pub fn pictures(
+    (set, covered): Seen,
+    clip: &Clip,
+    (backdrop, turns): (Backdrop, bool),
+) -> (Image, Vec<Image>) {
     let last = clip.drape.frames.len() - 1;
     let count = FRAMES.min(last + 1);
-    let shown: Vec<usize> = (0..count).map(|i| i * last / (count - 1).max(1)).collect();
+    let seat = |i: usize| Seat {
+        frame: i * last / (count - 1).max(1),
+        yaw: if turns {
+            TAU * i as f64 / count as f64
+        } else {
+            0.0
+        },
+    };
+    let shown: Vec<Seat> = (0..count).map(seat).collect();
     let near = following(set, clip, &shown);
-    let film = shown.par_iter().map(|&t| {
-        let scene = scene((set, covered), clip, (t, backdrop));
+    let film = shown.par_iter().map(|seat| {
+        let scene = scene((set, covered), clip, (seat.frame, backdrop));
         let camera = Camera {
-            world_from_camera: DAffine3::from_translation(place(set, t)) * near.world_from_camera,
+            world_from_camera: seat.at(set) * near.world_from_camera,
             ..near.clone()
         };
         Stage::new(&scene, &Options::quick()).shoot(&camera)
@@ -39,6 +53,21 @@ pub fn pictures((set, covered): Seen, clip: &Clip, backdrop: Backdrop) -> (Image
     let stage = look::stage(&scene);
     let still = stage.shoot(&stage.frame(&look::view(SIDES[0])));
     (still, film.collect())
+}
+
+/// Where the camera is for a frame of the film.
+struct Seat {
+    frame: usize,
+    /// How far it has gone around the body [rad].
+    yaw: f64,
+}
+
+impl Seat {
+    /// Goes where the body goes, on the floor, and turns about it.
+    fn at(&self, set: &Set) -> DAffine3 {
+        let root = set.moving.motion.poses[set.moving.lead + self.frame].root;
+        DAffine3::from_translation(root.with_y(0.0)) * DAffine3::from_rotation_y(self.yaw)
+    }
 }
 
 fn scene(
@@ -65,19 +94,13 @@ fn scene(
     }
 }
 
-/// Where the body as a whole is, on the floor [m].
-fn place(set: &Set, t: usize) -> DVec3 {
-    set.moving.motion.poses[set.moving.lead + t]
-        .root
-        .with_y(0.0)
-}
-
-/// A camera that sees all shown frames if it goes where the body goes.
-fn following(set: &Set, clip: &Clip, shown: &[usize]) -> Camera {
-    let points = shown.iter().flat_map(|&t| {
-        let here = place(set, t);
-        let all = clip.body[t].iter().chain(&clip.drape.frames[t]);
-        all.map(move |p| *p - here)
+/// A camera that sees all shown frames if it goes from seat to seat.
+fn following(set: &Set, clip: &Clip, shown: &[Seat]) -> Camera {
+    let points = shown.iter().flat_map(|seat| {
+        let here = seat.at(set).inverse();
+        let all = clip.body[seat.frame].iter();
+        let all = all.chain(&clip.drape.frames[seat.frame]);
+        all.map(move |p| here.transform_point3(*p))
     });
     Camera::framing(&points.collect::<Vec<_>>(), &look::view(SIDES[1]))
 }

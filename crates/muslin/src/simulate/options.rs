@@ -34,6 +34,8 @@ pub struct SimulateOptions {
     pub bake: Bake,
     /// Also draw the last frame and a moving picture.
     pub picture: bool,
+    /// Let the moving picture's camera go around the body once.
+    pub turn: bool,
     /// Also write NPZ in the exchange layout, with this name.
     pub npz: Option<PathBuf>,
     /// Also write point caches, into this folder.
@@ -62,6 +64,7 @@ impl Default for SimulateOptions {
             resume: false,
             bake: Bake::Frames,
             picture: false,
+            turn: false,
             npz: None,
             pc2: None,
         }
