@@ -118,9 +118,10 @@ pub fn refine(
 }
 
 /// Leads cloth on until it lies still.
-fn settle(stage: &mut Stage<'_>, pace: &Pace) -> Result<(), SimError> {
+fn settle(stage: &mut Stage<'_>, pace: &Pace, go_on: GoOn<'_>) -> Result<(), SimError> {
     let usual = stage.iterate(THOROUGH);
     for _ in 0..SETTLED {
+        asked(go_on)?;
         let before = stage.x.clone();
         stage.step(pace)?;
         if apart(&before, &stage.x) < STILL {
@@ -183,12 +184,12 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                 };
                 let by = ordered::map(guess.len(), by);
                 stage.lead(&body.skin, by);
-                let least = if anew { FIRST } else { 1 } * guesses.steps;
-                for _ in 0..least {
+                let times = if anew { FIRST } else { 1 };
+                for _ in 0..times * guesses.steps {
                     stage.step(&self.pace)?;
                 }
-                if anew && guesses.begins_at_rest {
-                    settle(stage, &self.pace)?;
+                if i == 0 && guesses.begins_at_rest {
+                    settle(stage, &self.pace, go_on)?;
                 }
                 if swings {
                     stage.slip_at_rest();
