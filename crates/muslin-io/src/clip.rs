@@ -17,7 +17,7 @@ use glam::{DVec2, DVec3};
 use muslin_geom::{Drape, Part};
 
 use crate::error::{Fault, IoError, Place, name};
-use crate::input::read_file;
+use crate::input::{files_in, read_file};
 use crate::npz::{self, Array, Npz, Values};
 
 pub use pc2::{read_pc2, write_pc2};
@@ -290,7 +290,10 @@ impl Clip {
 
     /// Reads the exchange layout; `name` is what errors call the file. Without `fps` it is 30.
     pub fn from_npz(name: &str, bytes: &[u8]) -> Result<Clip, IoError> {
-        let npz = npz::read(name, bytes)?;
+        Self::of_npz(name, &npz::read(name, bytes)?)
+    }
+
+    fn of_npz(name: &str, npz: &Npz) -> Result<Clip, IoError> {
         let cloth = npz.floats("cloth", &[None, None, Some(3)])?;
         let shape = npz.shaped("cloth", &[None, None, Some(3)])?.shape.clone();
         let (frames, n) = (shape[0], shape[1]);
@@ -299,7 +302,7 @@ impl Clip {
                 parts: Vec::new(),
                 faces: npz.triangles("faces", n)?,
                 frames: split(&cloth, n),
-                fps: fps(&npz)?,
+                fps: fps(npz)?,
             },
             ..Clip::default()
         };
@@ -341,15 +344,14 @@ impl Clip {
 /// folder of point caches or of the garments' `.npz`; as `walk.npz` also all `walk.GARMENT.npz`, if it is not there itself.
 /// A `body.pc2` beside a point cache is taken as the body.
 pub fn read_clip(path: &Path) -> Result<Clip, IoError> {
-    let is_cache = |p: &Path| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("pc2"));
     let garments = match path.is_dir() {
-        true if several::ending(path, "pc2")?.is_empty() => several::ending(path, "npz")?,
+        true if files_in(path, &["pc2"])?.is_empty() => files_in(path, &["npz"])?,
         true => Vec::new(),
         false => several::beside(path),
     };
     let clip = if !garments.is_empty() {
         several::read(&garments)?
-    } else if path.is_dir() || is_cache(path) {
+    } else if path.is_dir() || is_kind(path, "pc2") {
         pc2::read(path)?
     } else {
         let input = read_file(path, MAX_BYTES)?;
@@ -361,6 +363,12 @@ pub fn read_clip(path: &Path) -> Result<Clip, IoError> {
     };
     clip.check_shape()?;
     Ok(clip)
+}
+
+/// Whether a file's name ends so, such as `npz`.
+fn is_kind(path: &Path, kind: &str) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case(kind))
 }
 
 fn unknown(file: &str) -> IoError {

@@ -8,8 +8,8 @@ use glam::DVec3;
 use muslin_body::Sparse;
 use muslin_geom::Surface;
 
-use crate::ground::Wall;
-use crate::lanes::{LANES, Row};
+use crate::ground::{OPEN, Wall};
+use crate::lanes::{LANES, Row, side_by_side};
 
 /// Cloth this near is looked for [m].
 const NEAR: f64 = 0.014;
@@ -95,27 +95,10 @@ impl Folds {
 
 /// Walls of sixteen poses, side by side; where a pose has none it is far off.
 pub fn gathered(poses: &[Vec<(u32, Wall)>]) -> Vec<(u32, [Row; 4])> {
-    let mut verts: Vec<u32> = poses.iter().flatten().map(|w| w.0).collect();
-    verts.sort_unstable();
-    verts.dedup();
-    let mut out: Vec<(u32, [Row; 4])> = verts
-        .iter()
-        .map(|v| {
-            (
-                *v,
-                [[0.0; LANES], [0.0; LANES], [0.0; LANES], [-1.0; LANES]],
-            )
-        })
-        .collect();
-    for (lane, walls) in poses.iter().enumerate() {
-        for (v, wall) in walls {
-            let at = verts
-                .binary_search(v)
-                .expect("every vertex was listed above");
-            (0..4).for_each(|c| out[at].1[c][lane] = wall[c]);
-        }
-    }
-    out
+    let none = OPEN.map(|c| [c; LANES]);
+    side_by_side(poses.iter(), &none, |planes, lane, wall| {
+        (0..4).for_each(|c| planes[c][lane] = wall[c]);
+    })
 }
 
 #[cfg(test)]

@@ -145,7 +145,7 @@ pub(crate) fn plane(hit: &Closest, x: DVec3) -> Wall {
 }
 
 /// Which triangles have a corner on an edge that belongs to no other.
-pub(crate) fn rim(faces: &[[u32; 3]]) -> Vec<bool> {
+fn rim(faces: &[[u32; 3]]) -> Vec<bool> {
     let mut edges: Vec<[u32; 2]> = (faces.iter())
         .flat_map(|f| (0..3).map(|k| [f[k].min(f[(k + 1) % 3]), f[k].max(f[(k + 1) % 3])]))
         .collect();

@@ -2,11 +2,40 @@
 
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
+use glam::DVec3;
+
 /// Poses that are worked on side by side.
 pub const LANES: usize = 16;
 
 /// One number of every pose, as it lies in memory.
 pub type Row = [f32; LANES];
+
+/// Where vertices are in one of the poses [m]; three rows a vertex.
+pub fn points(x: &[Row], lane: usize) -> Vec<DVec3> {
+    let one = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
+    x.as_chunks::<3>().0.iter().map(one).collect()
+}
+
+/// What poses say of some vertices, vertex by vertex in order: `none`, with what each pose says `put` into its lane.
+pub fn side_by_side<'p, T: 'p, R: Clone>(
+    poses: impl Iterator<Item = &'p Vec<(u32, T)>> + Clone,
+    none: &R,
+    put: impl Fn(&mut R, usize, &T),
+) -> Vec<(u32, R)> {
+    let mut verts: Vec<u32> = poses.clone().flatten().map(|said| said.0).collect();
+    verts.sort_unstable();
+    verts.dedup();
+    let mut out: Vec<(u32, R)> = verts.iter().map(|v| (*v, none.clone())).collect();
+    for (lane, said) in poses.enumerate() {
+        for (v, what) in said {
+            let at = verts
+                .binary_search(v)
+                .expect("every vertex was listed above");
+            put(&mut out[at].1, lane, what);
+        }
+    }
+    out
+}
 
 /// One number of every pose.
 #[derive(Clone, Copy, Debug, PartialEq)]

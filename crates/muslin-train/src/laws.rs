@@ -95,8 +95,8 @@ mod tests {
     use muslin_energy::{contact::Barrier, membrane as exact, plate};
 
     use super::*;
-    use crate::lanes::LANES;
-    use crate::testing::{agree, sheet, state, states};
+    use crate::lanes::{LANES, points};
+    use crate::testing::{agree, sheet, states};
 
     #[test]
     fn stretch_of_sixteen_poses_is_the_reference_law() {
@@ -106,7 +106,7 @@ mod tests {
         let energy = membrane(&cut, 1.0, &x, &mut g);
         let (mut want, mut sums) = (vec![vec![DVec3::ZERO; 12]; LANES], vec![0.0; LANES]);
         for pose in 0..LANES {
-            let x = state(&x, pose);
+            let x = points(&x, pose);
             for (face, rest) in cloth.faces.iter().zip(&cut.rest) {
                 let corners = face.map(|v| x[v as usize]);
                 let (e, d) = exact::gradient(&corners, rest, &cloth.materials[0].stretch);
@@ -130,7 +130,7 @@ mod tests {
         }
         let (mut want, mut sums) = (vec![vec![DVec3::ZERO; 12]; LANES], vec![0.0; LANES]);
         for pose in 0..LANES {
-            let x = state(&x, pose);
+            let x = points(&x, pose);
             for (verts, rest) in
                 plate::plates(&cloth.faces, &cloth.rest, |_| cloth.materials[0].bend)
             {

@@ -7,7 +7,7 @@ use muslin_geom::Surface;
 use muslin_sim::Cloth;
 
 use crate::ground::{Ground, NO_FACE, OPEN, Posed};
-use crate::lanes::{LANES, Lane, Row};
+use crate::lanes::{LANES, Lane, Row, points, side_by_side};
 use crate::laws::Wall;
 
 /// Cloth this deep under another garment is no longer led out of it [m]: where cloth below is crumpled, its inside
@@ -100,7 +100,7 @@ impl Layer {
     }
 
     /// Where the garments of the layer are among all.
-    fn others(&self) -> Range<usize> {
+    pub fn others(&self) -> Range<usize> {
         self.first..self.first + self.surface.verts().len()
     }
 
@@ -122,14 +122,13 @@ impl Layer {
     /// What such vertices lie on now; the cloth is at `x` [m], and their triangles are followed.
     pub fn lie(&self, x: &[Row], near: &mut [Near]) -> Vec<Lying> {
         let mut out: Vec<Lying> = near.iter().map(|n| Lying::on_none(n.vertex)).collect();
-        let x = x.as_chunks::<3>().0;
-        let first = self.first as u32;
+        let (first, Range { start, end }) = (self.first as u32, self.others());
         for lane in 0..LANES {
-            let place = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
-            let others: Vec<DVec3> = x[self.others()].iter().map(place).collect();
+            let others = points(&x[3 * start..3 * end], lane);
             let others = Posed::new(&others, self.ground.faces());
             for (out, near) in out.iter_mut().zip(&mut *near) {
-                let p = Vec3::from_array(x[near.vertex as usize].map(|row| row[lane]));
+                let p = x.as_chunks::<3>().0[near.vertex as usize];
+                let p = Vec3::from_array(p.map(|row| row[lane]));
                 let face = &mut near.faces[lane];
                 let Some((plane, shares)) = self.ground.wall(&others, p, (face, DEEP as f32))
                 else {
@@ -195,26 +194,16 @@ impl Lying {
 /// none.
 pub(crate) fn gathered(poses: &[Vec<Vec<(u32, u32)>>]) -> Vec<Near> {
     let n_layers = poses.first().map_or(0, Vec::len);
-    let mut out = Vec::new();
-    for layer in 0..n_layers {
-        let each = || poses.iter().map(|p| &p[layer]);
-        let mut verts: Vec<u32> = each().flatten().map(|n| n.0).collect();
-        verts.sort_unstable();
-        verts.dedup();
-        let first = out.len();
-        out.extend(verts.iter().map(|v| Near {
+    let one = |layer: usize| {
+        let of = poses.iter().map(move |p| &p[layer]);
+        let all = side_by_side(of, &[NO_FACE; LANES], |faces, lane, face| {
+            faces[lane] = *face;
+        });
+        all.into_iter().map(move |(vertex, faces)| Near {
             layer: layer as u32,
-            vertex: *v,
-            faces: [NO_FACE; LANES],
-        }));
-        for (lane, near) in each().enumerate() {
-            for (v, face) in near {
-                let at = verts
-                    .binary_search(v)
-                    .expect("every vertex was listed above");
-                out[first + at].faces[lane] = *face;
-            }
-        }
-    }
-    out
+            vertex,
+            faces,
+        })
+    };
+    (0..n_layers).flat_map(one).collect()
 }

@@ -7,7 +7,7 @@ use muslin_garment::{Garment, Recipe, Tee};
 use muslin_net::learn::Noise;
 use muslin_sim::{Cloth, Material};
 
-use crate::lanes::{LANES, Lane, Row};
+use crate::lanes::{LANES, Lane, Row, points};
 use crate::{Lesson, Plan, Trainer, Training, diffused};
 
 /// Both trainings go on to that step, a broken one and one that was not, to the same bits.
@@ -235,14 +235,9 @@ pub fn states() -> Vec<Row> {
     x
 }
 
-pub fn state(x: &[Row], pose: usize) -> Vec<DVec3> {
-    let one = |v: &[Row; 3]| DVec3::from_array(v.map(|row| f64::from(row[pose])));
-    x.as_chunks::<3>().0.iter().map(one).collect()
-}
-
 pub fn agree(what: &str, got: &[Row], want: &[Vec<DVec3>], energy: (Lane, &[f64])) {
     for pose in 0..LANES {
-        let got = state(got, pose);
+        let got = points(got, pose);
         let size = want[pose].iter().map(|g| g.length()).fold(1e-12, f64::max);
         for (a, b) in got.iter().zip(&want[pose]) {
             assert!(a.distance(*b) < 2e-4 * size, "{what}: {a} against {b}");

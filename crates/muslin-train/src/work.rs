@@ -2,13 +2,12 @@
 
 mod let_go;
 
-use glam::DVec3;
 use muslin_net::learn::{MlpTape, View, multiply};
 use rayon::prelude::*;
 
 use crate::folds::{LIMBS, PARTS, gathered};
 use crate::ground::Wall as Plane;
-use crate::lanes::{LANES, Lane, Row, Vec3};
+use crate::lanes::{LANES, Lane, Row, Vec3, points};
 use crate::laws::{self, Wall};
 use crate::layers::{self, Lying};
 use crate::pack::Pack;
@@ -151,8 +150,7 @@ impl Trainer<'_> {
         let is_new = pack.is_new();
         let known = |v: usize, lane: usize| (!is_new).then(|| before[v][lane]);
         let each = |lane: usize| {
-            let one = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
-            let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(one).collect();
+            let x = points(x, lane);
             let faces = body.nearest(&skins[lane], &x, |v| known(v, lane));
             let shared = if is_new { PARTS } else { LIMBS };
             let over = wearer.layers.iter().map(|l| l.near(&x));

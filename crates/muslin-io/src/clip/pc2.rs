@@ -11,7 +11,7 @@ use muslin_geom::{Drape, Mesh, Part};
 
 use super::Clip;
 use crate::error::{Fault, IoError, Place, name};
-use crate::input::read_file;
+use crate::input::{files_in, read_file};
 use crate::obj::obj;
 use crate::scene::{Node, Scene};
 
@@ -158,7 +158,7 @@ fn stems(path: &Path, folder: &Path) -> Result<Vec<String>, IoError> {
     if !path.is_dir() {
         return Ok(vec![super::stem(path)]);
     }
-    let caches = super::several::ending(folder, "pc2")?;
+    let caches = files_in(folder, &["pc2"])?;
     let mut stems: Vec<String> = caches.iter().map(|p| super::stem(p)).collect();
     stems.retain(|s| s != "body");
     if stems.is_empty() {

@@ -3,29 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use super::{Clip, MAX_BYTES};
-use crate::error::{Fault, IoError, name, unreadable};
-use crate::input::read_file;
+use crate::error::{Fault, IoError};
+use crate::input::{files_in, read_file};
 use crate::npz::{self, Npz, Values};
 
 /// The array that says which layer a garment is, 0 next to the skin.
 pub(super) const LAYER: &str = "layer";
 
-/// Files of a folder with this ending, by name.
-pub(super) fn ending(folder: &Path, kind: &str) -> Result<Vec<PathBuf>, IoError> {
-    let entries = std::fs::read_dir(folder).map_err(|e| unreadable(&name(folder), &e))?;
-    let all = entries.flatten().map(|e| e.path());
-    let is_kind = |p: &PathBuf| p.extension().is_some_and(|e| e.eq_ignore_ascii_case(kind));
-    let mut all: Vec<PathBuf> = all.filter(is_kind).collect();
-    all.sort();
-    Ok(all)
-}
-
 /// The files of the garments of `walk.npz`, where there is no such file itself: `walk.GARMENT.npz`.
 pub(super) fn beside(path: &Path) -> Vec<PathBuf> {
-    let is_npz = path
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("npz"));
-    if !is_npz || path.exists() {
+    if !super::is_kind(path, "npz") || path.exists() {
         return Vec::new();
     }
     let folder = match path.parent() {
@@ -37,7 +24,7 @@ pub(super) fn beside(path: &Path) -> Vec<PathBuf> {
         let garment = super::stem(p).strip_prefix(&stem).map(str::to_owned);
         garment.is_some_and(|g| !g.is_empty() && !g.contains('.'))
     };
-    let all = ending(folder, "npz").unwrap_or_default();
+    let all = files_in(folder, &["npz"]).unwrap_or_default();
     all.into_iter().filter(own).collect()
 }
 
@@ -46,8 +33,8 @@ pub(super) fn read(files: &[PathBuf]) -> Result<Clip, IoError> {
     let mut garments = Vec::with_capacity(files.len());
     for path in files {
         let input = read_file(path, MAX_BYTES)?;
-        let layer = layer(&npz::read(&input.file, &input.bytes)?);
-        let mut clip = Clip::from_npz(&input.file, &input.bytes)?;
+        let npz = npz::read(&input.file, &input.bytes)?;
+        let (layer, mut clip) = (layer(&npz), Clip::of_npz(&input.file, &npz)?);
         for part in &mut clip.drape.parts {
             let garment = part.name.rsplit('.').next().map(str::to_owned);
             part.name = garment.unwrap_or_default();

@@ -18,7 +18,7 @@ pub(crate) struct On {
 /// Where vertices of a garment lie nearer to the garments below than to the skin, whose `walls` are replaced then; the
 /// cloth is at `x` [m].
 pub(crate) fn lie(layer: &Layer, x: &[DVec3], walls: &mut [Wall]) -> Vec<On> {
-    let below = layer.surface.moved(&x[..layer.verts.start]);
+    let below = layer.surface.moved(&x[layer.others()]);
     let mut out = Vec::new();
     for v in layer.verts.clone() {
         let [a, b, c, offset] = walls[v].map(f64::from);

@@ -3,7 +3,6 @@
 //! A batch is sixteen wearers at rest. Each has its own template, rest lengths and skin; shapes and network are
 //! shared. Poses are then learnt from there, by the first wearer.
 
-use glam::DVec3;
 use muslin_body::Pose;
 use muslin_model::{Resizer, Trait};
 use muslin_net::learn::{Mlp, Noise, Nonlinear, Sgd, View, multiply};
@@ -14,7 +13,7 @@ use super::recipe::{RESIZER, RESIZING, sizes};
 use super::wearer::Wearer;
 use super::work::{Met, ask, broken};
 use crate::ground::Posed;
-use crate::lanes::{LANES, Row};
+use crate::lanes::{LANES, Row, points};
 
 /// What does not change.
 pub(crate) struct Resizing {
@@ -121,9 +120,7 @@ impl Resizing {
                 .zip(wearer.template.as_flattened())
                 .map(at)
                 .collect();
-            let place = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[0])));
-            let points: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(place).collect();
-            let met = Met::alone(wearer, skin, &points);
+            let met = Met::alone(wearer, skin, &points(&x, 0));
             let mut asked = ask(&RESIZER, (&wearer.sheet, &met), (&x, &d));
             for (v, force) in std::mem::take(&mut asked.held) {
                 force.add_to(&mut asked.g, v);

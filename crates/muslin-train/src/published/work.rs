@@ -16,7 +16,7 @@ use super::trainer::Published;
 use super::wearer::Wearer;
 use super::{gravity, laws};
 use crate::ground::{Posed, Wall};
-use crate::lanes::{LANES, Lane, Row, Vec3};
+use crate::lanes::{LANES, Lane, Row, Vec3, points};
 use crate::laws::G;
 use crate::skin;
 use crate::trainer::Energies;
@@ -311,11 +311,7 @@ impl Met {
     }
 
     fn new(wearer: &Wearer<'_>, skins: &[Arc<Posed>], x: &[Row]) -> Self {
-        let one = |lane: usize| {
-            let place = |p: &[Row; 3]| DVec3::from_array(p.map(|row| f64::from(row[lane])));
-            let x: Vec<DVec3> = x.as_chunks::<3>().0.iter().map(place).collect();
-            meet(wearer, &skins[lane], &x)
-        };
+        let one = |lane: usize| meet(wearer, &skins[lane], &points(x, lane));
         let lanes: Vec<(Vec<Wall>, Vec<On>)> = (0..LANES).into_par_iter().map(one).collect();
         let of = |v: usize| [0, 1, 2, 3].map(|c| std::array::from_fn(|l| lanes[l].0[v][c]));
         let walls = (0..x.len() / 3).map(of).collect();

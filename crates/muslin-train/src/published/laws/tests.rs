@@ -5,13 +5,13 @@ use muslin_energy::{RestTriangle, hinge, spring, stvk as exact};
 
 use super::super::recipe::System;
 use super::*;
-use crate::lanes::LANES;
-use crate::testing::{agree, sheet, state, states};
+use crate::lanes::{LANES, points};
+use crate::testing::{agree, sheet, states};
 
 /// Energy and gradient of a law of whole sheets in double precision, by central differences.
 fn differences(x: &[Row], law: impl Fn(&[DVec3]) -> f64) -> (Vec<Vec<DVec3>>, Vec<f64>) {
     let one = |pose: usize| {
-        let x = state(x, pose);
+        let x = points(x, pose);
         let slope = |i: usize, axis: usize| {
             let at = |by: f64| {
                 let mut x = x.clone();
@@ -28,7 +28,7 @@ fn differences(x: &[Row], law: impl Fn(&[DVec3]) -> f64) -> (Vec<Vec<DVec3>>, Ve
 
 /// Crumpled cloth unlike any of the states.
 fn template() -> Vec<DVec3> {
-    let (a, b) = (state(&states(), 3), state(&states(), 5));
+    let (a, b) = (points(&states(), 3), points(&states(), 5));
     a.iter().zip(&b).map(|(a, b)| (*a + *b) * 0.5).collect()
 }
 
@@ -167,7 +167,7 @@ fn flat_cloth_has_a_gradient_that_is_a_number() {
     let heap = vec![[0.1; LANES]; 36];
     for system in [System::Pbns, System::Snug, System::Ncs] {
         let recipe = system.recipe();
-        let ours = Sheet::new(recipe, &cloth, &state(&x, 0)).expect("a valid cloth");
+        let ours = Sheet::new(recipe, &cloth, &points(&x, 0)).expect("a valid cloth");
         for (x, is_flat) in [(&x, true), (&heap, false)] {
             let mut g = vec![[0.0; LANES]; 36];
             let energy = stretch(recipe, &ours, x, &mut g) + bend(recipe, &ours, x, &mut g);
