@@ -54,7 +54,7 @@ pub use figure::Figure;
 pub use keypoints::{BODY25, COCO17, Keypoint, Keypoints, Layout, REGRESSED};
 pub use measure::{DENSITY, Measures};
 pub use motion::Motion;
-pub use pose::{Pose, Posed, blended};
+pub use pose::{Pose, Posed, blended, place_bones};
 pub use rig::{Bone, Rig};
 pub use room::Limbs;
 pub use shape::{ADULT, PHENOTYPES, Shape};

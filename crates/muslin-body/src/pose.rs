@@ -8,7 +8,7 @@
 //! where the first bone has `T(head + root)`. The skin follows
 //! `world_from_rest(b) = world_from_bone(b) · T(−head_b)` by linear blending.
 
-use crate::{Avatar, Figure, Rig};
+use crate::{Avatar, Bone, Figure, Rig};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use muslin_geom::vertex_normals;
 
@@ -99,34 +99,32 @@ impl Avatar {
     pub fn bones(&self, figure: &Figure, pose: &Pose) -> Vec<DAffine3> {
         world_from_rest(self.rig(), figure, pose)
     }
-
-    /// As [`Avatar::bones`], in memory that is there.
-    pub fn bones_into(&self, figure: &Figure, pose: &Pose, out: &mut Vec<DAffine3>) {
-        world_from_rest_into((self.rig(), figure, pose), out);
-    }
 }
 
 /// `world_from_rest` of every bone (see the module's own words).
 pub(crate) fn world_from_rest(rig: &Rig, figure: &Figure, pose: &Pose) -> Vec<DAffine3> {
     let mut world = Vec::with_capacity(rig.n_bones());
-    world_from_rest_into((rig, figure, pose), &mut world);
+    place_bones((&rig.bones, &figure.joints), pose, &mut world);
     world
 }
 
-fn world_from_rest_into((rig, figure, pose): (&Rig, &Figure, &Pose), world: &mut Vec<DAffine3>) {
+/// As [`Avatar::bones`], of bones and where they turn in the rest pose ([`Figure::joints`]) alone, in memory that is
+/// there.
+///
+/// # Panics
+/// Where there are fewer joints than bones.
+pub fn place_bones((bones, joints): (&[Bone], &[DVec3]), pose: &Pose, world: &mut Vec<DAffine3>) {
     world.clear();
-    for (b, bone) in rig.bones.iter().enumerate() {
+    for (b, bone) in bones.iter().enumerate() {
         let turn = pose.rotations.get(b).copied().unwrap_or(DQuat::IDENTITY);
-        let head = figure.joints[b];
+        let head = joints[b];
         let placed = match bone.parent {
             None => DAffine3::from_rotation_translation(turn, head + pose.root),
-            Some(p) => {
-                world[p] * DAffine3::from_rotation_translation(turn, head - figure.joints[p])
-            }
+            Some(p) => world[p] * DAffine3::from_rotation_translation(turn, head - joints[p]),
         };
         world.push(placed);
     }
-    for (w, joint) in world.iter_mut().zip(&figure.joints) {
+    for (w, joint) in world.iter_mut().zip(joints) {
         *w *= DAffine3::from_translation(-*joint);
     }
 }

@@ -127,7 +127,7 @@ unsafe fn open(
         options.outfit.clear();
     }
     let playing = Playing::new(bytes, &options).map_err(|e| e.to_string())?;
-    let bones = playing.avatar().rig().bones.iter();
+    let bones = playing.bones().iter();
     let names = bones.map(|b| CString::new(b.name.as_str()).unwrap_or_default());
     Ok(Garment {
         names: names.collect(),
@@ -221,7 +221,7 @@ pub unsafe extern "C" fn muslin_bone_name(garment: *const Garment, bone: u32) ->
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn muslin_bone_parent(garment: *const Garment, bone: u32) -> u32 {
     let parent = |g: &Garment| {
-        let bone = g.playing.avatar().rig().bones.get(bone as usize);
+        let bone = g.playing.bones().get(bone as usize);
         bone.and_then(|b| b.parent).map_or(NONE, |p| p as u32)
     };
     // SAFETY: as the caller says.
@@ -234,7 +234,7 @@ pub unsafe extern "C" fn muslin_bone_parent(garment: *const Garment, bone: u32) 
 /// `garment` is NULL or open, `joint` NULL or to three numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn muslin_bone_joint(garment: *const Garment, bone: u32, joint: *mut f32) {
-    let place = |g: &Garment| g.playing.figure().joints.get(bone as usize).copied();
+    let place = |g: &Garment| g.playing.joints().get(bone as usize).copied();
     // SAFETY: as the caller says.
     if let (Some(p), false) = (unsafe { of(garment, None, place) }, joint.is_null()) {
         let p = p.as_vec3().to_array();

@@ -62,8 +62,12 @@ fn a_program_in_c_plays_the_same_frames() {
         ..DressOptions::default()
     };
     let mut playing = Playing::new(None, &options).expect("a garment of the wardrobe");
-    let arm = playing.avatar().bone("upperarm01.L").expect("a bone");
-    let mut turns = vec![[0.0, 0.0, 0.0, 1.0]; playing.avatar().rig().n_bones()];
+    let arm = playing
+        .bones()
+        .iter()
+        .position(|b| b.name == "upperarm01.L");
+    let arm = arm.expect("a bone");
+    let mut turns = vec![[0.0, 0.0, 0.0, 1.0]; playing.bones().len()];
     playing.begin(f64::from(1.0f32 / 30.0));
     let mut heights = Vec::new();
     for (k, line) in told.lines().enumerate() {

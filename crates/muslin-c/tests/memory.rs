@@ -38,7 +38,7 @@ fn frames_take_no_memory_and_refuse_what_is_not_finite() {
         ..DressOptions::default()
     };
     let mut playing = Playing::new(None, &options).expect("a garment of the wardrobe");
-    let mut turns = vec![[0.0, 0.0, 0.0, 1.0]; playing.avatar().rig().n_bones()];
+    let mut turns = vec![[0.0, 0.0, 0.0, 1.0]; playing.bones().len()];
     assert!(playing.frame(&turns, [0.0; 3]).is_some(), "the first may");
     let before = TAKEN.with(Cell::get);
     assert!(before > 1000, "it counts");

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use muslin::bench::Trials;
+use muslin::bench::{Trials, Walks};
 use muslin::{
     Against, AnimateOptions, Backdrop, Bake, Cut, DressOptions, Person, Place, SimulateOptions,
     Size, System, TrainOptions, Wear,
@@ -258,7 +258,7 @@ OUT.csv has the curve of the training, OUT.report.json what came of it. What is 
 OUT.muslin.part; after Ctrl-C or a crash the same command with --resume goes on to the same bits.")]
 pub struct Train {
     /// A published system to teach instead of our own trainer, with its published network, losses and
-    /// constants; --codes and --fabric are then not for the training.
+    /// constants; --codes is then not for the training, --fabric for that of snug alone.
     #[arg(value_enum)]
     pub system: Option<SystemName>,
     /// Who is learnt from: our own body, or a rigged character, a .glb, .gltf or .vrm with a skeleton and
@@ -557,7 +557,7 @@ impl Evaluate {
 pub struct Bench {
     /// Which figures.
     pub what: BenchKind,
-    /// Folder with test data (photos/, motion/) for the figures that need it.
+    /// Folder with test data (photos/, motion/, garments/) for the figures that need it.
     #[arg(long, env = "MUSLIN_DATA")]
     pub data: Option<PathBuf>,
     /// The model in the garments figures, as `muslin train` wrote it; given several times, all stand
@@ -578,17 +578,19 @@ pub struct Bench {
     #[command(flatten)]
     pub build: Build,
     /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this, or parts of the garments figures
-    /// ("tee, 02_01_walk, swing"; rest, swing, fabrics and speed; "sphere" needs no model); may be given again.
+    /// ("tee, 02_01_walk, swing"; rest, swing, fabrics and speed; "sphere" needs no model), or of the cloth figures
+    /// ("physics", "pace, tee, walk", "scaling, tee, 12 mm", "walk, shirt.json"); may be given again.
     #[arg(long)]
     pub only: Vec<String>,
-    /// Folder for pictures of the drapes that went wrong, or of those named with --only.
+    /// Folder for pictures: of the drapes that went wrong, or of those named with --only; of the last frame of what
+    /// moves in the cloth figures.
     #[arg(long)]
     pub pictures: Option<PathBuf>,
     /// In the cloth figures: our simulator beside the programs that `cargo xtask peers DIR` put
-    /// here, on one moving skirt.
+    /// here, on one moving skirt; with --only, the parts named, and Newton's shirt among what walks.
     #[arg(long, value_name = "DIR")]
     pub peers: Option<PathBuf>,
-    /// How often every one of them runs, in turns.
+    /// How often every one of them runs, in turns, and what is timed in the cloth figures.
     #[arg(long, default_value_t = 3)]
     pub rounds: usize,
     /// Where scene and frames of the peers go [default: DIR/scene].
@@ -622,7 +624,8 @@ pub enum BenchKind {
     Drape,
     /// The whole job.
     Dress,
-    /// Cloth against what physics says of it: falling, hanging, bending, sliding, draping.
+    /// Cloth against what physics says of it: falling, hanging, bending, sliding, draping; our own garments in motion,
+    /// how fast and how clean; with --data, garments of files through a walk.
     Cloth,
     /// A trained garment on recordings it never learnt from.
     Garments,
@@ -685,6 +688,17 @@ impl Simulate {
 }
 
 impl Bench {
+    /// What is measured in the cloth figures.
+    pub fn walks(&self) -> Walks {
+        Walks {
+            data: self.data.clone(),
+            peers: self.peers.clone(),
+            rounds: self.rounds,
+            only: self.only.clone(),
+            pictures: self.pictures.clone(),
+        }
+    }
+
     /// What is measured in the garments figures.
     pub fn trials(&self) -> Trials {
         let mut worn = Wear::parse("");

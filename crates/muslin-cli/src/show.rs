@@ -179,12 +179,12 @@ fn bench(bench: &Bench) -> Result<(), Failure> {
             shown(false, job)
         }
         BenchKind::Cloth => match &bench.peers {
-            Some(home) => {
+            Some(home) if bench.only.is_empty() => {
                 let scene = home.join("scene");
                 let out = bench.out.as_deref().unwrap_or(&scene);
                 muslin::bench::peers(home, (bench.rounds, out))
             }
-            None => muslin::bench::cloth(),
+            _ => shown(false, |watch| muslin::bench::cloth(&bench.walks(), watch)),
         },
     }?;
     print(&report)

@@ -36,7 +36,7 @@ fn an_animation_comes_with_its_report_arrays_and_caches_that_can_be_judged() {
         );
     }
     assert!(
-        errors(&done).contains("frames need"),
+        errors(&done).contains("of them for frames"),
         "memory is told before the work"
     );
     assert_eq!(
@@ -333,6 +333,11 @@ fn several_motions_get_a_file_each_and_the_same_as_alone() {
     let many = ["--motion", "wave", "--motion", &takes, "-o", &out];
     let done = muslin(&[&args[..], &many].concat());
     assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    assert!(
+        errors(&done).contains("memory  2 motions, "),
+        "{}",
+        errors(&done)
+    );
     for name in [
         "wave.glb",
         "wave.report.json",

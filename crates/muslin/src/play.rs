@@ -1,7 +1,7 @@
 //! A trained garment in somebody else's program: ready once, then frame by frame.
 
 use glam::{DAffine3, DQuat, DVec3};
-use muslin_body::{Avatar, Figure, Pose};
+use muslin_body::{Avatar, Bone, Pose, place_bones};
 use muslin_model::Player;
 
 use crate::animate::{as_trained, decode_model, fits, model_failure, note_of, others};
@@ -20,8 +20,9 @@ use crate::wardrobe;
 /// checked.
 #[derive(Debug)]
 pub struct Playing {
-    avatar: Avatar,
-    figure: Figure,
+    /// The rig, and where its bones turn at rest [m].
+    rig: Vec<Bone>,
+    joints: Vec<DVec3>,
     faces: Vec<[u32; 3]>,
     player: Player,
     pose: Pose,
@@ -80,8 +81,8 @@ impl Playing {
             step: STEP,
             faces: model.faces,
             player,
-            avatar,
-            figure,
+            rig: avatar.rig().bones.clone(),
+            joints: figure.joints,
         })
     }
 
@@ -95,14 +96,14 @@ impl Playing {
         self.player.n_verts()
     }
 
-    /// The body's family, whose rig poses are of.
-    pub fn avatar(&self) -> &Avatar {
-        &self.avatar
+    /// The bones that poses are of, parents before their children.
+    pub fn bones(&self) -> &[Bone] {
+        &self.rig
     }
 
-    /// Who wears it.
-    pub fn figure(&self) -> &Figure {
-        &self.figure
+    /// Where each bone turns in the rest pose of who wears it [m].
+    pub fn joints(&self) -> &[DVec3] {
+        &self.joints
     }
 
     /// Starts a sequence of frames `step` seconds apart, a ten-thousandth to ten, else as before: the body comes to
@@ -161,8 +162,7 @@ impl Playing {
             *to = DQuat::from_array(q.map(f64::from)).normalize();
         }
         self.pose.root = DVec3::from_array(root.map(f64::from));
-        self.avatar
-            .bones_into(&self.figure, &self.pose, &mut self.bones);
+        place_bones((&self.rig, &self.joints), &self.pose, &mut self.bones);
         match normals {
             true => {
                 let out = (&mut self.at[..], &mut self.normals[..]);

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 use muslin_body::{Avatar, Figure};
 use muslin_geom::{Report, Value};
-use muslin_io::Journal;
+use muslin_io::{Clip, Journal};
 use muslin_sim::Air;
 
 use crate::dress::file_failure;
@@ -31,7 +31,7 @@ use crate::watch::Watch;
 use files::{Folders, Made};
 use motion::Moving;
 use quality::{Quality, round};
-use set::Set;
+use set::{Set, megabytes};
 
 pub use bake::Bake;
 pub use options::SimulateOptions;
@@ -55,6 +55,29 @@ pub fn simulate(
 ) -> Result<Outcome, Failure> {
     options.check(out)?;
     let folders = Folders::open(out, options)?;
+    on_set(options, watch, |run, set| run.film(set, (out, folders)))
+}
+
+/// Moves an outfit on a moving body and writes nothing; `judge` is shown what came of it.
+pub(crate) fn filmed(
+    options: &SimulateOptions,
+    watch: &mut Watch,
+    judge: impl FnOnce(&Set, &Clip, &Quality) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    on_set(options, watch, |run, set| {
+        let mut reel = shoot::shoot(set, None, run.watch)?;
+        let told = std::mem::take(&mut reel.told);
+        let clip = set.clip(reel);
+        judge(set, &clip, &Quality::measure(set, &clip, told))
+    })
+}
+
+/// Gets body, motion and outfit ready, and goes on with them.
+fn on_set<T>(
+    options: &SimulateOptions,
+    watch: &mut Watch,
+    then: impl FnOnce(Run, &Set) -> Result<T, Failure>,
+) -> Result<T, Failure> {
     let hero = Hero::load(&options.dress)?;
     let avatar = avatar_of(hero.as_ref())?;
     let mut run = Run {
@@ -67,7 +90,7 @@ pub fn simulate(
     let figure = run.body(&avatar, hero.as_ref())?;
     let moving = run.motion((&avatar, hero.as_ref()), &figure)?;
     let set = run.outfit((&avatar, hero.as_ref()), figure, moving)?;
-    run.film(&set, (out, folders))
+    then(run, &set)
 }
 
 struct Run<'a, 'w> {
@@ -142,21 +165,23 @@ impl Run<'_, '_> {
         self.report.set("wind_m_s", wind);
         set.hero = hero;
         let memory = set.memory();
-        if memory / 5 > MOST_BYTES {
+        if memory.frames / 5 > MOST_BYTES {
             let what = format!("{} frames are too many for one file", set.moving.frames());
             let fault = Failure::new(Exit::Refused, "too-long", what).at(set.moving.name);
             return Err(fault.hint("take a part with --start and --seconds, or a lower --fps"));
         }
-        let megabytes = (memory as f64 / 1e6).ceil();
-        self.report.set("memory_of_frames_MB", megabytes);
-        let told = format!("{}; frames need {megabytes} MB", tell::pieces(&set.outfit));
+        self.warn(memory.scarce().into_iter().collect());
+        self.report
+            .set("memory_of_frames_MB", megabytes(memory.frames))
+            .set("memory_MB", megabytes(memory.all));
+        let told = format!("{}; {}", tell::pieces(&set.outfit), memory.text());
         self.done(3, "outfit", told)?;
         Ok(set)
     }
 
     fn film(mut self, set: &Set, (out, folders): (&Path, Folders)) -> Result<Outcome, Failure> {
         let part = part(out);
-        let mut reel = shoot::shoot(set, (&part, self.options.resume), self.watch)?;
+        let mut reel = shoot::shoot(set, Some((&part, self.options.resume)), self.watch)?;
         let told = std::mem::take(&mut reel.told);
         let clip = set.clip(reel);
         let quality = Quality::measure(set, &clip, told);

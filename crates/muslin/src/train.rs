@@ -210,7 +210,8 @@ impl School<'_, '_> {
             self.report.set("device", place);
             return Ok(trainer);
         };
-        let trainer = Published::new(lessons, self.options.course(system), motions);
+        let course = self.options.course(system, &class.fabrics[0]);
+        let trainer = Published::new(lessons, course, motions);
         Ok(Box::new(trainer.map_err(|e| failure(&e))?))
     }
 
@@ -424,7 +425,7 @@ impl School<'_, '_> {
         let asked = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
         let notes = [
             ("garment", d.outfit[k].garment.clone()),
-            ("fabric", class.fabrics[k].clone()),
+            ("fabric", class.fabrics[k].name.clone()),
             ("over", over.join(",")),
             ("fabrics", which(self.options.any_fabric).into()),
             ("shapes", which(self.options.any_shape).into()),

@@ -64,6 +64,14 @@ impl<'a> Watch<'a> {
         (self.progress)(text);
     }
 
+    /// A watch that hears nothing, and stops when this one does.
+    pub(crate) fn quiet(&self) -> Self {
+        Self {
+            stop: self.stop,
+            ..Self::nobody()
+        }
+    }
+
     /// A watch for one of several jobs that run side by side: `whole` hears everything that it is
     /// told, with the job's name before it, and stops it.
     pub(crate) fn side<'b>(whole: &'b Mutex<&mut Watch<'a>>, name: &'b str) -> Watch<'b>

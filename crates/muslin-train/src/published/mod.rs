@@ -22,5 +22,5 @@ mod trainer;
 mod wearer;
 mod work;
 
-pub use recipe::System;
+pub use recipe::{Isotropic, System};
 pub use trainer::{Course, Published};

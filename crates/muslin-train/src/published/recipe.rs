@@ -45,8 +45,39 @@ impl System {
     }
 }
 
+/// A sheet that is alike in all directions, in whose constants SNUG can be taught.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Isotropic {
+    /// Young's modulus times thickness [N/m].
+    pub stretch: f64,
+    /// Poisson's ratio, below 1.
+    pub poisson: f64,
+    /// Bending stiffness [N m].
+    pub bend: f64,
+    /// Mass per area [kg/m²].
+    pub density: f64,
+}
+
+impl Recipe {
+    /// The same, where cloth stretches, bends and weighs as `sheet` does.
+    pub(crate) fn of_sheet(self, sheet: &Isotropic) -> Self {
+        let (k, nu) = (sheet.stretch, sheet.poisson);
+        let (mu, lambda) = (k / (2.0 * (1.0 + nu)), k * nu / (1.0 - nu * nu));
+        Self {
+            stretch: Stretch::StVk(mu as f32, lambda as f32),
+            bend: Bend::Angles {
+                // The law has an eighth where that of a plate has a half.
+                stiffness: (4.0 * sheet.bend) as f32,
+                is_flat: true,
+            },
+            density: sheet.density as f32,
+            ..self
+        }
+    }
+}
+
 /// What a system is taught by.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Recipe {
     pub name: &'static str,
     pub stretch: Stretch,

@@ -11,7 +11,7 @@ use muslin_net::learn::{Adam, AdamState, Noise};
 use super::clips::{Clips, Span, Watched};
 use super::gravity;
 use super::net::{self, Chance};
-use super::recipe::{NCS_WINDOW, System, sizes};
+use super::recipe::{Isotropic, NCS_WINDOW, Recipe, System, sizes};
 use super::resizer::{Resized, Resizing};
 use super::wearer::Wearer;
 use crate::lanes::LANES;
@@ -40,6 +40,8 @@ pub struct Course {
     pub gravity: bool,
     /// NCS: share of a batch whose motions change places, from which the decoder alone learns.
     pub augmented: f64,
+    /// SNUG: the cloth it is taught in, its own cotton if none is said.
+    pub sheet: Option<Isotropic>,
     /// Where random numbers start.
     pub seed: u64,
 }
@@ -56,7 +58,17 @@ impl Course {
             width: sizes::NCS_CODE,
             gravity: true,
             augmented: 0.2,
+            sheet: None,
             seed: 1,
+        }
+    }
+
+    /// What it is taught by.
+    pub(crate) fn recipe(&self) -> Recipe {
+        let own = *self.system.recipe();
+        match &self.sheet {
+            Some(sheet) if self.system == System::Snug => own.of_sheet(sheet),
+            _ => own,
         }
     }
 
@@ -137,7 +149,7 @@ impl<'a> Published<'a> {
         if clips.windows.len() < LANES {
             return Err(TrainError::FewPoses(clips.windows.len(), LANES));
         }
-        let recipe = course.system.recipe();
+        let recipe = course.recipe();
         let traits = traits(&lessons);
         let lesson = *of_one_cloth(&lessons)?;
         let (rig, skin) = follow(&lesson)?;

@@ -38,7 +38,7 @@ impl<'a> Wearer<'a> {
         stream.begin(1.0 / course.fps);
         Ok(Self {
             body: Skinned::new((lesson.avatar, lesson.figure), lesson.template),
-            sheet: Sheet::new(course.system.recipe(), lesson.cloth, lesson.template)?,
+            sheet: Sheet::new(&course.recipe(), lesson.cloth, lesson.template)?,
             layers: layers(lesson.cloth, lesson.template),
             template: lesson.laid(),
             lesson,

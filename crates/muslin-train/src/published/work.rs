@@ -54,7 +54,7 @@ pub(crate) struct Asked {
 impl Published<'_> {
     /// Predicts, asks the laws, and goes back as far as the parameters.
     pub(crate) fn work(&self, (clips, batch): (&Clips, &Batch), chance: &Chance) -> Work {
-        let recipe = self.course.system.recipe();
+        let recipe = &self.course.recipe();
         let guess = self.guess(batch, chance);
         if let Some(vertex) = guess.x.iter().find_map(|x| broken(x)) {
             let energies = Energies {

@@ -276,7 +276,8 @@ pub fn garments(
         "{}\n{}\n\
          strain: StVK of the reference cloth; gap: stretch, bending and weight in the garment's own \
          fabric above\nthe solver after {CONVERGED} more iterations; crossings and pairs are a frame's mean, by exact predicates\n\
-         swing: how cloth moves beyond where the network says that it rests; alike: 1 where it is the simulator's",
+         swing: how cloth moves beyond where the network says that it rests; alike: 1 where it is the simulator's; turned \
+         about:\nhow far a vertex is at most from where it is if body and motion are turned about the vertical",
         out.join("\n\n"),
         load(),
     ))

@@ -12,15 +12,37 @@ mod rooms;
 mod sphere;
 mod swing;
 mod whole;
+mod worn;
 
 use std::path::Path;
 
 use crate::failure::{Exit, Failure};
+use crate::watch::Watch;
 
-pub use cloth::{cloth, peers};
+pub use cloth::peers;
 pub use garments::{Trials, garments};
 pub use rooms::{body, fit, pose};
 pub use whole::{Drapes, drape, dress};
+pub use worn::Walks;
+
+/// Cloth against physics, our own garments in motion and those of files, as far as they are asked for.
+///
+/// # Errors
+/// A name that no part has; interrupted.
+pub fn cloth(walks: &Walks, watch: &mut Watch) -> Result<String, Failure> {
+    let physics = walks.asks(cloth::NAME).then(cloth::cloth).transpose()?;
+    let moving = worn::worn(walks, watch)?;
+    match physics {
+        None if moving.is_empty() => {
+            let what = "no part of the figures is called so";
+            let fault = Failure::new(Exit::Usage, "no-part", what).at("--only");
+            Err(fault.hint(
+                "they are called physics, \"pace, tee, walk\", \"scaling, tee, 12 mm\" and, with data, \"walk, FILE\"",
+            ))
+        }
+        physics => Ok(format!("{}\n{moving}", physics.unwrap_or_default())),
+    }
+}
 
 /// The data folder, or a failure that says how to name it.
 fn needed(data: Option<&Path>) -> Result<&Path, Failure> {

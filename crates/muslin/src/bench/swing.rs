@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::slice;
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use muslin_model::{Model, Skin};
 use muslin_sim::{Options, SimError, simulate};
 
@@ -39,6 +39,10 @@ pub(super) fn rows(
     let swinging = swings::swinging(told, (here.avatar, &here.figure), &here.cloth)?;
     let still = predict((&here, slice::from_ref(&swinging)), (0.0, usize::MAX))?.frames;
     let raw = predict((&here, slice::from_ref(&swinging)), (1.0, usize::MAX))?.frames;
+    let mut about = set_at(FPS)?;
+    yaw(&mut about);
+    let turned = predict((&about, slice::from_ref(&swinging)), (1.0, usize::MAX))?.frames;
+    let off = format!("{:.4}", 1e3 * apart(&raw, &turned));
     let refined = along((&here, REFINE, 1.0), (0, &raw, None), &mut Watch::nobody())?;
     let refined: Vec<Vec<DVec3>> = refined.into_iter().map(|s| s.cloth).collect();
     let simulated = simulated(&set_at(FPS * FINER as f64)?)?;
@@ -52,12 +56,9 @@ pub(super) fn rows(
         ("simulated", &simulated),
     ] {
         let own = beyond(x);
-        let first = |name: &str| {
-            if tier == "network" {
-                name.to_owned()
-            } else {
-                String::new()
-            }
+        let first = |name: &str| match tier {
+            "network" => name.to_owned(),
+            _ => String::new(),
         };
         let share = format!("{:.2}", content(&own) / content(&truth));
         short.push(format!("{tier} {share}"));
@@ -68,6 +69,7 @@ pub(super) fn rows(
             format!("{:.1}", content(&own) * 1e3),
             share,
             format!("{:.2}", alike(&own, &truth)),
+            first(&off),
         ]);
     }
     short.pop();
@@ -75,14 +77,36 @@ pub(super) fn rows(
 }
 
 /// Heads of the table that [`rows`] fills.
-pub(super) const HEADS: [&str; 6] = [
+pub(super) const HEADS: [&str; 7] = [
     "clip",
     "model",
     "tier",
     "swing mm",
     "of the simulator's",
     "alike",
+    "turned about mm",
 ];
+
+/// How far the body is turned about the vertical [rad], to see whether the cloth is the same.
+const YAW: f64 = 2.0;
+
+/// Turns a whole motion about the vertical.
+fn yaw(set: &mut Set) {
+    let (turn, head) = (DQuat::from_rotation_y(YAW), set.figure.joints[0]);
+    for pose in &mut set.moving.motion.poses {
+        pose.rotations[0] = turn * pose.rotations[0];
+        pose.root = turn * (head + pose.root) - head;
+    }
+}
+
+/// How far a vertex is at most from where it is in the motion that was turned about [m].
+fn apart(x: &[Vec<DVec3>], turned: &[Vec<DVec3>]) -> f64 {
+    let turn = DQuat::from_rotation_y(YAW);
+    let pairs = x.iter().flatten().zip(turned.iter().flatten());
+    pairs
+        .map(|(x, y)| y.distance(turn * *x))
+        .fold(0.0, f64::max)
+}
 
 /// Every `FINER`-th simulated frame.
 pub(super) fn simulated(set: &Set) -> Result<Vec<Vec<DVec3>>, Failure> {

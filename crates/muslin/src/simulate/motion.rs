@@ -66,19 +66,7 @@ pub fn load(
     figure: &Figure,
     options: &SimulateOptions,
 ) -> Result<Moving, Failure> {
-    let path = Path::new(&options.motion);
-    let clip = match hero {
-        Some(hero) => hero.clip(&options.motion, options.fps)?,
-        None => None,
-    };
-    let mut found = match (clip, motions::NAMES.contains(&options.motion.as_str())) {
-        (Some(motion), _) => own(options, motion),
-        (None, true) => built_in(avatar, figure, options)?,
-        (None, false) if path.exists() || has_kind(path) => file(avatar, figure, path)?,
-        (None, false) => return Err(unknown(&options.motion, hero)),
-    };
-    let named = |f: Failure| f.at(found.name.clone());
-    let mut cut = cut(&found.motion, options).map_err(named)?;
+    let (mut found, mut cut) = asked((avatar, hero), figure, options)?;
     found.turned = room::make_room(avatar, figure, &mut cut).map_err(|e| body_failure(&e))?;
     if found.turned > FAR {
         found.warnings.push(format!(
@@ -94,6 +82,36 @@ pub fn load(
         return Err(fault.at(found.name));
     }
     Ok(found)
+}
+
+/// How many frames of the motion are delivered.
+pub fn frames(
+    who: (&Avatar, Option<&Hero>),
+    figure: &Figure,
+    options: &SimulateOptions,
+) -> Result<usize, Failure> {
+    Ok(asked(who, figure, options)?.1.poses.len())
+}
+
+/// The motion of that name, whole, and the part that is asked for at the rate that is asked for.
+fn asked(
+    (avatar, hero): (&Avatar, Option<&Hero>),
+    figure: &Figure,
+    options: &SimulateOptions,
+) -> Result<(Moving, Motion), Failure> {
+    let path = Path::new(&options.motion);
+    let clip = match hero {
+        Some(hero) => hero.clip(&options.motion, options.fps)?,
+        None => None,
+    };
+    let found = match (clip, motions::NAMES.contains(&options.motion.as_str())) {
+        (Some(motion), _) => own(options, motion),
+        (None, true) => built_in(avatar, figure, options)?,
+        (None, false) if path.exists() || has_kind(path) => file(avatar, figure, path)?,
+        (None, false) => return Err(unknown(&options.motion, hero)),
+    };
+    let cut = cut(&found.motion, options).map_err(|f| f.at(found.name.clone()))?;
+    Ok((found, cut))
 }
 
 /// An animation of the character's own file.

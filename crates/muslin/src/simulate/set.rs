@@ -19,6 +19,69 @@ use crate::wardrobe;
 use super::motion::Moving;
 use super::reel::Reel;
 
+/// What a simulation takes in memory, about [bytes].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Memory {
+    /// The frames while the files are made: twice as doubles (as simulated, and with the eyes for the GLB), once as
+    /// the file itself.
+    pub frames: usize,
+    /// All: these with what is left over beside them, the body, and the solver at work.
+    pub all: usize,
+}
+
+/// Program and body, and the solver's share for a vertex, by the peaks of runs of 3,292 to 6,484 vertices [bytes].
+const STANDING: usize = 60 << 20;
+const A_VERTEX: usize = 12 << 10;
+
+impl Memory {
+    /// For so many frames of so many vertices of cloth and of skin.
+    pub fn of(frames: usize, [cloth, skin]: [usize; 2]) -> Self {
+        let frames = frames * (cloth + skin) * (24 + 24 + 12);
+        Self {
+            frames,
+            all: STANDING + cloth * A_VERTEX + frames + frames / 5,
+        }
+    }
+
+    /// Of the runs of `all`, `side` by side, at their most.
+    pub fn at_once(mut all: Vec<Self>, side: usize) -> Self {
+        all.sort_unstable_by_key(|m| std::cmp::Reverse(m.all));
+        let most = || all.iter().take(side);
+        Self {
+            frames: most().map(|m| m.frames).sum(),
+            all: most().map(|m| m.all).sum(),
+        }
+    }
+
+    /// As in `about 132 MB, 30 of them for frames`.
+    pub fn text(self) -> String {
+        let [all, frames] = [self.all, self.frames].map(megabytes);
+        format!("about {all} MB, {frames} of them for frames")
+    }
+
+    /// A warning where the machine has less to give.
+    pub fn scarce(self) -> Option<String> {
+        let free = free().filter(|free| self.all > *free)?;
+        Some(format!(
+            "it needs about {} MB of memory and {} are free: take fewer frames at a time (--start, --seconds, --fps), or fewer cores for several motions (RAYON_NUM_THREADS)",
+            megabytes(self.all),
+            megabytes(free)
+        ))
+    }
+}
+
+/// Memory that can be had without swapping [bytes]; only Linux tells.
+fn free() -> Option<usize> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find(|l| l.starts_with("MemAvailable:"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<usize>().ok()? << 10)
+}
+
+/// Whole megabytes, rounded up.
+pub fn megabytes(bytes: usize) -> f64 {
+    (bytes as f64 / 1e6).ceil()
+}
+
 /// A figure in its clothes, before the first step.
 pub struct Set<'a> {
     /// The body's family.
@@ -171,11 +234,9 @@ impl<'a> Set<'a> {
         [self.start.len(), self.avatar.part(Part::Body).len()]
     }
 
-    /// Bytes that the frames take in memory while the files are made, about: twice as doubles
-    /// (as simulated, and with the eyes for the GLB), once as the file itself.
-    pub fn memory(&self) -> usize {
-        let verts: usize = self.n_verts().iter().sum();
-        self.moving.frames() * verts * (24 + 24 + 12)
+    /// What it takes in memory.
+    pub fn memory(&self) -> Memory {
+        Memory::of(self.moving.frames(), self.n_verts())
     }
 
     /// The frames as a clip over the skin.

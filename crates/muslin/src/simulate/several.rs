@@ -5,12 +5,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use muslin_body::Part;
+
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
+use crate::hero::{Hero, avatar_of, standing};
 use crate::outcome::Outcome;
+use crate::outfit::Outfit;
 use crate::watch::Watch;
 
-use super::motion::KINDS;
+use super::motion::{self, KINDS};
+use super::set::Memory;
 use super::{SimulateOptions, simulate};
 
 /// One of several simulations.
@@ -35,6 +40,15 @@ pub fn simulate_several(
     let jobs = jobs(&expanded(motions)?, out, options)?;
     // What is wrong with all of them is told once, before the work.
     jobs.iter().try_for_each(|j| j.options.check(&j.out))?;
+    let side = jobs.len().clamp(1, rayon::current_num_threads());
+    let memory = needed(&jobs, side)?;
+    let told = format!(
+        "{} motions, {side} at a time: {}",
+        jobs.len(),
+        memory.text()
+    );
+    memory.scarce().iter().for_each(|w| watch.warn(w));
+    watch.done((1, 1), "memory", told)?;
     let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     let whole = Mutex::new(watch);
     let work = || {
@@ -51,6 +65,24 @@ pub fn simulate_several(
     let mut done = done.into_inner().expect("nobody panics while adding");
     done.sort_by_key(|d| d.0);
     summary(&jobs, done.into_iter().map(|d| d.1).collect())
+}
+
+/// What the jobs take in memory at their most, `side` by side. A motion that cannot be read takes none: its job says
+/// what is wrong with it.
+fn needed(jobs: &[Job], side: usize) -> Result<Memory, Failure> {
+    let Some(options) = jobs.first().map(|j| &j.options) else {
+        return Ok(Memory::at_once(Vec::new(), side));
+    };
+    let hero = Hero::load(&options.dress)?;
+    let avatar = avatar_of(hero.as_ref())?;
+    let who = (&avatar, hero.as_ref());
+    let figure = standing(&avatar, who.1, &options.dress)?.figure;
+    let outfit = Outfit::make_for(who, &options.dress, |_| {})?;
+    let cloth = outfit.pieces.iter().map(|p| p.garment.n_verts()).sum();
+    let verts = [cloth, avatar.part(Part::Body).len()];
+    let one = |j: &Job| motion::frames(who, &figure, &j.options).ok();
+    let each = jobs.iter().filter_map(one).map(|n| Memory::of(n, verts));
+    Ok(Memory::at_once(each.collect(), side))
 }
 
 /// Runs `work` once for each of `n` jobs, at most once a core; the cores are shared out evenly.
@@ -184,6 +216,18 @@ mod tests {
             Some(Path::new("arrays/a.b.npz"))
         );
         assert!(jobs.iter().all(|j| j.options.check(&j.out).is_ok()));
+    }
+
+    #[test]
+    fn what_runs_side_by_side_adds_up() {
+        let all: Vec<Memory> = [10, 300, 20].map(|n| Memory::of(n, [1000, 10_000])).into();
+        let most = Memory::at_once(all.clone(), 2);
+        assert_eq!(most.all, all[1].all + all[2].all);
+        assert_eq!(most.frames, 320 * 11_000 * 60);
+        assert_eq!(
+            Memory::at_once(all.clone(), 8).all,
+            all.iter().map(|m| m.all).sum::<usize>()
+        );
     }
 
     #[test]

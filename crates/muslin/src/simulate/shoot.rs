@@ -16,11 +16,11 @@ use super::set::Set;
 
 /// Simulates all frames, from where the file `part` ends if that is asked for.
 ///
-/// Every [`muslin_sim::CHECKPOINT`] frames, and at the end, what is new is added to `part`.
-pub fn shoot(set: &Set, (part, resume): (&Path, bool), watch: &mut Watch) -> Result<Reel, Failure> {
-    let mut take = match resume {
-        true => Take::resume(set, part, watch)?,
-        false => Take::new(set, part),
+/// Every [`muslin_sim::CHECKPOINT`] frames, and at the end, what is new is added to `part`, if there is one.
+pub fn shoot(set: &Set, part: Option<(&Path, bool)>, watch: &mut Watch) -> Result<Reel, Failure> {
+    let mut take = match part {
+        Some((part, true)) => Take::resume(set, part, watch)?,
+        _ => Take::new(set, part.map(|p| p.0)),
     };
     let state = take.state.take();
     if take.reel.len() == set.moving.frames() {
@@ -60,7 +60,7 @@ pub fn shoot(set: &Set, (part, resume): (&Path, bool), watch: &mut Watch) -> Res
 /// What there is so far, and its copy on disk.
 struct Take<'a> {
     set: &'a Set<'a>,
-    part: &'a Path,
+    part: Option<&'a Path>,
     reel: Reel,
     state: Option<State>,
     /// Frames that are on disk.
@@ -69,7 +69,7 @@ struct Take<'a> {
 }
 
 impl<'a> Take<'a> {
-    fn new(set: &'a Set<'a>, part: &'a Path) -> Self {
+    fn new(set: &'a Set<'a>, part: Option<&'a Path>) -> Self {
         Self {
             set,
             part,
@@ -82,7 +82,7 @@ impl<'a> Take<'a> {
 
     /// Picks up what an earlier run left.
     fn resume(set: &'a Set<'a>, part: &'a Path, watch: &mut Watch) -> Result<Self, Failure> {
-        let mut take = Self::new(set, part);
+        let mut take = Self::new(set, Some(part));
         let open = Journal::open(part).map_err(|e| file_failure(&e))?;
         let Some(mut journal) = open else {
             watch.warn("nothing to go on from; starting at the first frame");
@@ -129,10 +129,13 @@ impl<'a> Take<'a> {
 
     /// Brings the file on disk up to date.
     fn keep(&mut self, state: Option<&State>) -> Result<(), Failure> {
+        let Some(part) = self.part else {
+            return Ok(());
+        };
         let fault = |e| file_failure(&e);
         let journal = match self.journal.take() {
             Some(journal) => journal,
-            None => Journal::create(self.part, head(self.set).as_bytes()).map_err(fault)?,
+            None => Journal::create(part, head(self.set).as_bytes()).map_err(fault)?,
         };
         let journal = self.journal.insert(journal);
         let record = self.reel.record(self.kept, state);
@@ -142,14 +145,14 @@ impl<'a> Take<'a> {
 
     /// Says how a stopped job goes on.
     fn hint(&self, failure: Failure) -> Failure {
-        if self.kept == 0 {
+        let Some(part) = self.part.filter(|_| self.kept > 0) else {
             return failure;
-        }
+        };
         let (kept, of) = (self.kept, self.set.moving.frames());
         Failure {
             what: format!(
                 "stopped; {kept} of {of} frames are kept in {}",
-                self.part.display()
+                part.display()
             ),
             ..failure
         }

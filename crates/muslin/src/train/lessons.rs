@@ -61,8 +61,8 @@ pub(super) struct Class {
     /// The wearer and the fabric that were asked for, then others.
     pub pupils: Vec<Pupil>,
     pub weights: Sparse,
-    /// Garments and fabrics, innermost first.
-    pub fabrics: Vec<String>,
+    /// Fabrics, innermost first.
+    pub fabrics: Vec<Fabric>,
     pub parts: Vec<Part>,
     /// What it begins with.
     pub begun: Option<Model>,
@@ -142,9 +142,7 @@ impl Class {
         Ok(Self {
             pupils: pupils?,
             weights,
-            fabrics: (outfit.pieces.iter())
-                .map(|p| p.fabric.name.clone())
-                .collect(),
+            fabrics: outfit.pieces.iter().map(|p| p.fabric.clone()).collect(),
             parts: outfit.parts(),
             begun: None,
         })

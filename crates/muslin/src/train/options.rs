@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use muslin_body::motions;
-use muslin_train::published::{Course, System};
+use muslin_garment::Fabric;
+use muslin_train::published::{Course, Isotropic, System};
 use muslin_train::{Place, Plan};
 
 use crate::failure::{Exit, Failure};
@@ -104,6 +105,8 @@ impl Default for TrainOptions {
 
 /// The fabric of the published systems, if no other is asked for.
 const PAPER_FABRIC: &str = "paper-snug-cotton";
+/// Poisson's ratio of what shears most easily: SNUG's own.
+const SOFTEST: f64 = 0.485;
 
 impl TrainOptions {
     /// Poses that are mixed if nothing else is said.
@@ -114,7 +117,7 @@ impl TrainOptions {
         self.system.is_some_and(System::is_moving)
     }
 
-    /// The same in the fabric of the papers, where a published system is taught.
+    /// The same in the fabric of the papers, where a published system is taught and no other is asked for.
     pub(super) fn with_fabric(&self, mut warn: impl FnMut(&str)) -> Self {
         let mut options = self.clone();
         let Some(system) = self.system else {
@@ -122,7 +125,8 @@ impl TrainOptions {
         };
         for worn in &mut options.dress.outfit {
             let fabric = &mut worn.fabric;
-            if let Some(asked) = fabric.as_ref().filter(|f| *f != PAPER_FABRIC) {
+            let other = fabric.as_ref().filter(|f| *f != PAPER_FABRIC);
+            if let Some(asked) = other.filter(|_| system != System::Snug) {
                 let name = system.name();
                 warn(&format!(
                     "{name} learns with its published constants; {asked} is what --refine solves with"
@@ -305,7 +309,8 @@ impl TrainOptions {
         }
     }
 
-    pub(super) fn course(&self, system: System) -> Course {
+    /// The course of a system in `fabric`, which is for SNUG alone.
+    pub(super) fn course(&self, system: System, fabric: &Fabric) -> Course {
         let usual = Course::of(system);
         Course {
             windows: if self.is_moving() {
@@ -318,15 +323,54 @@ impl TrainOptions {
             width: self.width.unwrap_or(usual.width),
             gravity: !self.without_gravity,
             augmented: self.augment.unwrap_or(usual.augmented),
+            sheet: (system == System::Snug && fabric.name != PAPER_FABRIC)
+                .then(|| isotropic(fabric)),
             seed: self.seed,
             ..usual
         }
     }
 }
 
+/// The sheet most like a fabric that is alike in all directions: its stretch and bending the means of warp and weft,
+/// and sheared as easily as such a sheet can be.
+fn isotropic(fabric: &Fabric) -> Isotropic {
+    let stretch = 0.5 * (fabric.stretch_warp + fabric.stretch_weft);
+    Isotropic {
+        stretch,
+        poisson: (0.5 * stretch / fabric.shear - 1.0).clamp(0.0, SOFTEST),
+        bend: 0.5 * (fabric.bend_warp + fabric.bend_weft),
+        density: fabric.density,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn snug_is_taught_in_a_fabric_as_its_paper_would_state_it() {
+        let snug = |name: &str| {
+            let fabric = Fabric::named(name).expect("a preset");
+            let options = TrainOptions::default();
+            options.course(System::Snug, &fabric).sheet
+        };
+        assert_eq!(snug(PAPER_FABRIC), None);
+        // Virtual Draping, table 1: 14 GPa, 0.475, 60 µm, 510 kg/m³.
+        let silk = snug("paper-vdp-silk").expect("another cloth");
+        let bend = 14e9 * 60e-6_f64.powi(3) / (12.0 * (1.0 - 0.475_f64.powi(2)));
+        let want = [14e9 * 60e-6, 0.475, bend, 510.0 * 60e-6];
+        let got = [silk.stretch, silk.poisson, silk.bend, silk.density];
+        for (got, want) in got.iter().zip(want) {
+            assert!((got / want - 1.0).abs() < 0.02, "{got} {want}");
+        }
+        // Cloth that shears more easily than any such sheet.
+        let charmeuse = snug("silk-charmeuse").expect("another cloth");
+        assert_eq!((charmeuse.stretch, charmeuse.poisson), (900.0, SOFTEST));
+        let fabric = Fabric::named("silk-charmeuse").expect("a preset");
+        let others = [System::Pbns, System::Ncs];
+        let taught = others.map(|s| TrainOptions::default().course(s, &fabric).sheet);
+        assert_eq!(taught, [None; 2]);
+    }
 
     #[test]
     fn published_systems_wear_the_fabric_of_the_papers_and_say_what_another_is_for() {
@@ -340,6 +384,8 @@ mod tests {
         options.system = Some(System::Snug);
         assert_eq!(worn(&options), (Some(PAPER_FABRIC.into()), Vec::new()));
         options.dress.outfit[0].fabric = Some("denim".into());
+        assert_eq!(worn(&options), (Some("denim".into()), Vec::new()));
+        options.system = Some(System::Ncs);
         let (fabric, said) = worn(&options);
         assert_eq!(fabric.as_deref(), Some("denim"));
         assert!(
@@ -357,7 +403,8 @@ mod tests {
         };
         for (system, windows) in [(System::Pbns, usize::MAX), (System::Snug, 40)] {
             options.system = Some(system);
-            let course = options.course(system);
+            let cotton = Fabric::named(PAPER_FABRIC).expect("a preset");
+            let course = options.course(system, &cotton);
             assert_eq!((course.windows, course.layers), (windows, 5));
         }
     }

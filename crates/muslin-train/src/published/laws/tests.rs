@@ -3,7 +3,7 @@
 use glam::DVec3;
 use muslin_energy::{RestTriangle, hinge, spring, stvk as exact};
 
-use super::super::recipe::System;
+use super::super::recipe::{Isotropic, System};
 use super::*;
 use crate::lanes::{LANES, points};
 use crate::testing::{agree, sheet, states};
@@ -105,6 +105,30 @@ fn snug_stretches_by_the_reference_law_and_its_own_constants() {
         cloth.faces.iter().zip(&cloth.rest).map(one).sum()
     };
     check("stvk", System::Snug, law, false);
+}
+
+#[test]
+fn snug_in_its_own_cotton_as_a_sheet_is_snug() {
+    // 3.96e-5 N m is 50 times the plate's stiffness, in a law that has an eighth for its half.
+    let (e, nu, t) = (0.7e5, 0.485, 0.47e-3_f64);
+    let plate = e * t.powi(3) / (12.0 * (1.0 - nu * nu));
+    let sheet = Isotropic {
+        stretch: e * t,
+        poisson: nu,
+        bend: 0.25 * 50.0 * plate,
+        density: 426.0 * t,
+    };
+    let own = System::Snug.recipe();
+    let same = own.of_sheet(&sheet);
+    let constants = |r: &Recipe| match (r.stretch, r.bend) {
+        (Stretch::StVk(mu, lambda), Bend::Angles { stiffness, .. }) => {
+            [mu, lambda, stiffness, r.density]
+        }
+        other => panic!("another law: {other:?}"),
+    };
+    for (a, b) in constants(&same).iter().zip(constants(own)) {
+        assert!((a / b - 1.0).abs() < 1e-3, "{a} {b}");
+    }
 }
 
 #[test]

@@ -35,6 +35,9 @@ struct Verdict {
     holds: bool,
 }
 
+/// What the physical table is called among the parts of the cloth figures.
+pub const NAME: &str = "physics";
+
 /// The physical table; rows are told on standard error as they come, the whole takes minutes.
 ///
 /// # Errors

@@ -50,7 +50,7 @@ fn stopped(set: &Set, part: &std::path::Path, stop: usize) -> Failure {
     let mut watch = Watch::nobody()
         .stopping_at(&flag)
         .following(|text| flag.store(2 * usize::from(text.starts_with(&until)), Ordering::Relaxed));
-    shoot(set, (part, false), &mut watch).expect_err("it was stopped")
+    shoot(set, Some((part, false)), &mut watch).expect_err("it was stopped")
 }
 
 #[test]
@@ -58,21 +58,21 @@ fn a_stopped_simulation_goes_on_to_the_same_bits() {
     let avatar = Avatar::embedded().expect("the embedded body");
     let set = set(&avatar, 40);
     let (whole, part) = (place("whole"), place("part"));
-    let want = shoot(&set, (&whole.0, false), &mut Watch::nobody()).expect("it simulates");
+    let want = shoot(&set, Some((&whole.0, false)), &mut Watch::nobody()).expect("it simulates");
     let fault = stopped(&set, &part.0, 35);
     assert_eq!(fault.exit, Exit::Interrupted);
     assert!(
         fault.what.contains("30 of 40 frames") && fault.hint.contains("--resume"),
         "{fault}"
     );
-    let got = shoot(&set, (&part.0, true), &mut Watch::nobody()).expect("it goes on");
+    let got = shoot(&set, Some((&part.0, true)), &mut Watch::nobody()).expect("it goes on");
     assert_eq!(got.len(), 40);
     for (k, (a, b)) in got.cloth.iter().zip(&want.cloth).enumerate() {
         assert!(a == b, "cloth of frame {k} differs");
     }
     assert!(got.body == want.body, "the skin differs");
     // Everything is there now: nothing is simulated again.
-    assert!(shoot(&set, (&part.0, true), &mut Watch::nobody()).expect("there") == got);
+    assert!(shoot(&set, Some((&part.0, true)), &mut Watch::nobody()).expect("there") == got);
 }
 
 #[test]
@@ -80,7 +80,7 @@ fn a_simulation_stops_on_the_way_into_the_motion_too() {
     let avatar = Avatar::embedded().expect("the embedded body");
     let (set, part, flag) = (set(&avatar, 3), place("early"), AtomicUsize::new(15));
     let mut watch = Watch::nobody().stopping_at(&flag);
-    let fault = shoot(&set, (&part.0, false), &mut watch).expect_err("it was stopped");
+    let fault = shoot(&set, Some((&part.0, false)), &mut watch).expect_err("it was stopped");
     assert_eq!(fault.exit, Exit::Terminated);
     assert!(fault.what.contains("nothing was written") && !part.0.exists());
 }
@@ -94,14 +94,14 @@ fn other_inputs_are_refused_by_name() {
     Journal::create(&part.0, head.as_bytes()).expect("writable");
     set.moving.motion.poses[20].root.x += 1e-9;
     set.cloth.materials[0].friction += 0.1;
-    let fault = shoot(&set, (&part.0, true), &mut Watch::nobody()).expect_err("others");
+    let fault = shoot(&set, Some((&part.0, true)), &mut Watch::nobody()).expect_err("others");
     assert_eq!((fault.exit, fault.code), (Exit::Invalid, "cannot-resume"));
     assert!(
         fault.what.contains("another motion and another clothes"),
         "{fault}"
     );
     set.air.wind.y += 0.1;
-    let fault = shoot(&set, (&part.0, true), &mut Watch::nobody()).expect_err("others");
+    let fault = shoot(&set, Some((&part.0, true)), &mut Watch::nobody()).expect_err("others");
     assert!(fault.what.contains("another air"), "{fault}");
 }
 
@@ -114,13 +114,13 @@ fn damage_is_refused_and_nothing_to_resume_is_a_start() {
     // Killed before the first frames were kept.
     assert!(Take::resume(&set, &part.0, &mut Watch::nobody()).is_ok());
     journal.append(&[1, 2, 3]).expect("writable");
-    let fault = shoot(&set, (&part.0, true), &mut Watch::nobody()).expect_err("damaged");
+    let fault = shoot(&set, Some((&part.0, true)), &mut Watch::nobody()).expect_err("damaged");
     assert_eq!(fault.code, "cannot-resume");
     std::fs::remove_file(&part.0).expect("removable");
     let mut warned = 0;
     let mut watch = Watch::new(|_| {}, |_| warned += 1);
     assert_eq!(
-        shoot(&set, (&part.0, true), &mut watch)
+        shoot(&set, Some((&part.0, true)), &mut watch)
             .expect("it starts")
             .len(),
         1
