@@ -2,8 +2,9 @@
 
 mod common;
 
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Child, Command, Output, Stdio};
 
 use common::{Folder, errors, muslin};
 use muslin_io::npz::{Array, write};
@@ -162,6 +163,63 @@ fn the_same_command_gives_the_same_bytes_and_json_when_asked() {
         std::fs::read(folder.at(name)).expect("it was written")
     };
     assert!(run("a.glb") == run("b.glb"), "two runs differ");
+}
+
+/// Starts a simulation of 70 frames and kills it as it stands: at a line that it tells, or once `part` is there.
+fn killed(folder: &Folder, args: &[&str], (line, part): (&str, Option<&str>)) {
+    let mut run = Command::new(env!("CARGO_BIN_EXE_muslin"));
+    run.args(args).stderr(Stdio::piped()).stdout(Stdio::null());
+    let mut child = run.spawn().expect("the program starts");
+    let mut told = BufReader::new(child.stderr.take().expect("a pipe")).lines();
+    let there = |l: &std::io::Result<String>| l.as_ref().is_ok_and(|l| l.contains(line));
+    assert!(told.find(there).is_some(), "{line} is not told");
+    let ended = |child: &mut Child| child.try_wait().expect("a child").is_some();
+    while part.is_some_and(|p| !folder.0.join(p).exists()) && !ended(&mut child) {
+        std::thread::yield_now();
+    }
+    child.kill().expect("it is ours");
+    child.wait().expect("a child");
+}
+
+#[test]
+fn killed_at_any_moment_it_leaves_nothing_half_written_and_goes_on_to_the_same_bits() {
+    let folder = Folder::new("killed");
+    let (whole, out) = (folder.at("whole.glb"), folder.at("w.glb"));
+    let args = |out| {
+        let how = "simulate --motion wave --edge 25 --fps 30 --seconds 2.3 -o";
+        how.split(' ').chain([out]).collect::<Vec<&str>>()
+    };
+    let done = muslin(&args(&whole));
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let moments = [
+        ("[2/5]", None),
+        ("[3/5]", Some("w.glb.part")),
+        ("[4/5]", None),
+    ];
+    for moment in moments {
+        let resumed = [&args(&out)[..], &["--resume"]].concat();
+        killed(&folder, &resumed, moment);
+        // Either all is there or nothing but what is kept to go on from.
+        let names = folder.names();
+        let is_there = names.iter().any(|n| n == "w.glb");
+        let report = names.iter().any(|n| n == "w.report.json");
+        assert!(
+            is_there == report || moment.0 == "[4/5]",
+            "{moment:?}: {names:?}"
+        );
+        if is_there {
+            assert!(muslin_io::read_clip(Path::new(&out)).is_ok(), "{moment:?}");
+        }
+    }
+    let done = muslin(&[&args(&out)[..], &["--resume"]].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let read = |p: &str| std::fs::read(p).expect("it was written");
+    assert!(read(&out) == read(&whole), "they differ");
+    assert!(
+        !folder.names().iter().any(|n| n.ends_with(".part")),
+        "{:?}",
+        folder.names()
+    );
 }
 
 /// A stick figure that stands, in the words of a recording.

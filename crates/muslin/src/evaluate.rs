@@ -93,7 +93,7 @@ fn judge(
     if !clip.body.is_empty() {
         report.set("contact", contact(clip, &frames, &sound));
     }
-    report.set("self", crossings(clip, &frames));
+    report.set("self", crossings(clip, &frames, &sound));
     report.set("time", time(clip, &frames));
     if let Some(told) = against(&cloth, &frames)? {
         report.set("against", told);
@@ -330,7 +330,7 @@ fn contact(clip: &Clip, frames: &[Frame], sound: &[bool]) -> Report {
     r
 }
 
-fn crossings(clip: &Clip, frames: &[Frame]) -> Report {
+fn crossings(clip: &Clip, frames: &[Frame], sound: &[bool]) -> Report {
     let mut r = Report::default();
     let edges = || frames.iter().map(|f| f.crossings as f64);
     r.set("edge_triangle_crossings_a_frame", mean(edges()))
@@ -338,6 +338,10 @@ fn crossings(clip: &Clip, frames: &[Frame]) -> Report {
     r.set(
         "frames_with_crossings",
         edges().filter(|&c| c > 0.0).count(),
+    );
+    r.set(
+        "passages_between_frames",
+        passage::through_cloth(clip, sound),
     );
     let n = clip.n_verts() as f64;
     if clip.drape.parts.len() > 1 {

@@ -1,4 +1,4 @@
-//! Between frames: whether cloth went through the body unseen.
+//! Between frames: whether cloth went through the body or through cloth unseen.
 
 use glam::DVec3;
 use muslin_geom::bvh::Aabb;
@@ -10,19 +10,35 @@ use rayon::prelude::*;
 /// moving straight: it is on one side before, on the other after, and within it at the moment
 /// between. There and back within one frame is not seen.
 pub fn through_body(clip: &Clip, sound: &[bool]) -> usize {
-    let pairs = (1..sound.len()).into_par_iter();
-    pairs
-        .filter(|&t| sound[t - 1] && sound[t])
-        .map(|t| between(clip, t))
-        .sum()
+    between(sound, |t| {
+        let points = [t - 1, t].map(|t| clip.drape.frames[t].as_slice());
+        let body = [t - 1, t].map(|t| clip.body[t].as_slice());
+        passages(points, (body, &clip.body_faces), |_, _| false)
+    })
 }
 
-fn between(clip: &Clip, t: usize) -> usize {
-    let (x, body) = (
-        [&clip.drape.frames[t - 1], &clip.drape.frames[t]],
-        [&clip.body[t - 1], &clip.body[t]],
-    );
-    // What cloth and body do together needs no boxes.
+/// The same of triangles of the cloth that the vertex is no corner of.
+pub fn through_cloth(clip: &Clip, sound: &[bool]) -> usize {
+    let faces = &clip.drape.faces;
+    between(sound, |t| {
+        let x = [t - 1, t].map(|t| clip.drape.frames[t].as_slice());
+        passages(x, (x, faces), |i, f| faces[f as usize].contains(&i))
+    })
+}
+
+/// The sum over all pairs of frames with finite positions.
+fn between(sound: &[bool], count: impl Fn(usize) -> usize + Sync + Send) -> usize {
+    let pairs = (1..sound.len()).into_par_iter();
+    pairs.filter(|&t| sound[t - 1] && sound[t]).map(count).sum()
+}
+
+/// How many pairs of a point and a face, but those of its own, pass one another.
+fn passages(
+    x: [&[DVec3]; 2],
+    (body, faces): ([&[DVec3]; 2], &[[u32; 3]]),
+    is_own: impl Fn(u32, u32) -> bool,
+) -> usize {
+    // What both do together needs no boxes.
     let n = body[0].len().max(1) as f64;
     let shift = body[1]
         .iter()
@@ -32,16 +48,16 @@ fn between(clip: &Clip, t: usize) -> usize {
         / n;
     let swept = |a: DVec3, b: DVec3| Aabb::of(&[a, b - shift]);
     let points: Vec<Aabb> = x[0].iter().zip(x[1]).map(|(a, b)| swept(*a, *b)).collect();
-    let faces = clip.body_faces.iter().map(|f| {
+    let boxes = faces.iter().map(|f| {
         f.map(|i| swept(body[0][i as usize], body[1][i as usize]))
             .into_iter()
             .reduce(Aabb::union)
             .expect("three corners")
     });
-    let faces: Vec<Aabb> = faces.collect();
-    let near = Bvh::over(&points).pairs(&Bvh::over(&faces), 0.0);
+    let boxes: Vec<Aabb> = boxes.collect();
+    let near = Bvh::over(&points).pairs(&Bvh::over(&boxes), 0.0);
     let is_passed = |&&[i, f]: &&[u32; 2]| {
-        let corners = clip.body_faces[f as usize];
+        let corners = faces[f as usize];
         let at = |s: f64| {
             let p = x[0][i as usize].lerp(x[1][i as usize], s);
             (
@@ -49,7 +65,7 @@ fn between(clip: &Clip, t: usize) -> usize {
                 corners.map(|c| body[0][c as usize].lerp(body[1][c as usize], s)),
             )
         };
-        passes(at)
+        !is_own(i, f) && passes(at)
     };
     near.iter().filter(is_passed).count()
 }

@@ -136,6 +136,30 @@ fn a_body_inside_and_one_passed_through_are_found() {
 }
 
 #[test]
+fn cloth_that_is_through_cloth_at_the_next_frame_is_seen_though_neither_frame_crosses() {
+    // A second sheet, half a cell off, above the first by so much in either of two frames.
+    let pair = |above: [f64; 2]| {
+        let mut clip = falling(2);
+        let more: Vec<[u32; 3]> = clip.drape.faces.iter().map(|f| f.map(|i| i + 81)).collect();
+        clip.drape.faces.extend(more);
+        clip.corners.extend_from_within(..);
+        for (x, above) in clip.drape.frames.iter_mut().zip(above) {
+            let off = DVec3::new(0.012, above, 0.007);
+            let more: Vec<DVec3> = x.iter().map(|p| *p + off).collect();
+            x.extend(more);
+        }
+        clip.drape.parts[0].verts = 0..162;
+        clip.drape.parts[0].faces = 0..clip.drape.faces.len();
+        let e = evaluate(&clip, None).expect("a sound clip");
+        ["frames_with_crossings", "passages_between_frames"].map(|f| figure(&e, "self", f))
+    };
+    assert_eq!(pair([0.01, 0.002]), [0.0, 0.0]);
+    let [crossing, passages] = pair([0.01, -0.01]);
+    // 64 vertices of either sheet are over or under the other.
+    assert_eq!((crossing, passages), (0.0, 128.0));
+}
+
+#[test]
 fn crossings_are_counted_and_non_finite_frames_left_out() {
     let mut clip = falling(3);
     clip.drape.frames[1][40].y = f64::NAN;
