@@ -6,7 +6,7 @@
 //! distance, and its inside begins to touch as well.
 
 use glam::DVec3;
-use muslin_geom::vertex_normals;
+use muslin_geom::{Surface, vertex_normals};
 
 use crate::{cloth::SimError, quality::Settled, relief, stage::Stage, weave::Weave};
 
@@ -20,6 +20,10 @@ const MOST_LIFT: f64 = 8e-3;
 const YIELDS: usize = 40;
 const GIVE: f64 = 1e-3;
 const MOST_GIVE: [f64; 2] = [0.035, 0.004];
+/// Between them, in the folds of armpits, a share of the way to the core, where that is no shorter than this [m]:
+/// longer than in any hand.
+const FOLD_GIVES: f64 = 0.5;
+const FOLD: f64 = 0.018;
 /// By how much files round cloth and skin together at most, stored in 16 bits over a body [m].
 const ROUNDED: f64 = 6e-5;
 
@@ -128,10 +132,24 @@ fn cover(stage: &mut Stage<'_>, faces: Vec<u32>) {
     stage.body.forget();
 }
 
+/// How far the skin of a vertex that lies at `first` gives at most [m].
+fn most_given(skin: &Surface, (cores, first): (&[DVec3], DVec3), v: usize) -> f64 {
+    let way = cores.get(v).map(|core| core.distance(first));
+    match way {
+        Some(way) if way >= relief::SOFT => MOST_GIVE[0],
+        Some(way) if way >= FOLD => FOLD_GIVES * way,
+        Some(_) => MOST_GIVE[1],
+        None => MOST_GIVE[usize::from(!relief::is_soft(skin, cores, v))],
+    }
+}
+
 /// Draws the skin back where it still meets cloth; says how far at most [m].
 fn give(stage: &mut Stage<'_>, cores: &[DVec3]) -> f64 {
     let n = stage.body.now.verts().len();
     let mut given = vec![0.0; n];
+    // As thick as the flesh is before it yields: it is pressed thinner on the way.
+    let first = stage.body.now.verts().to_vec();
+    let mut gives: Vec<Option<f64>> = vec![None; n];
     for _ in 0..YIELDS {
         let hits = stage.in_body();
         if hits.is_empty() {
@@ -141,9 +159,8 @@ fn give(stage: &mut Stage<'_>, cores: &[DVec3]) -> f64 {
         let mut depth = vec![0.0; n];
         for v in hits.iter().flat_map(|h| skin.faces()[h[1] as usize]) {
             let v = v as usize;
-            if depth[v] == 0.0
-                && given[v] < MOST_GIVE[usize::from(!relief::is_soft(skin, cores, v))]
-            {
+            let most = *gives[v].get_or_insert_with(|| most_given(skin, (cores, first[v]), v));
+            if depth[v] == 0.0 && given[v] < most {
                 depth[v] = GIVE;
             }
         }
@@ -156,4 +173,26 @@ fn give(stage: &mut Stage<'_>, cores: &[DVec3]) -> f64 {
         stage.body.now.refit(&dented);
     }
     given.into_iter().fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::balls;
+
+    #[test]
+    fn flesh_gives_as_far_as_it_was_thick_before_it_gave() {
+        let (skin, faces) = balls(0.4);
+        let skin = Surface::new(&skin, &faces);
+        let at = skin.verts()[0];
+        let most = |deep: f64| most_given(&skin, (&[at + DVec3::X * deep], at), 0);
+        assert_eq!(most(0.03), 0.035);
+        // The fold of an armpit; a finger.
+        assert!((most(0.022) - 0.011).abs() < 1e-12);
+        assert_eq!(most(0.009), 0.004);
+        // Pressed to where it lies now, it was thicker before.
+        let first = at - DVec3::X * 0.02;
+        let pressed = most_given(&skin, (&[at + DVec3::X * 0.01], first), 0);
+        assert_eq!(pressed, 0.035);
+    }
 }

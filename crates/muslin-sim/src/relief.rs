@@ -69,6 +69,8 @@ const ROUNDS: usize = 4;
 const YIELD: f64 = 0.35;
 /// Parts thinner than this, as a hand, do not yield: what they press on does [m].
 const THIN: f64 = 0.05;
+/// Flesh that is as far from its core is soft [m].
+pub(crate) const SOFT: f64 = 0.5 * THIN;
 /// How far a part is looked for [m].
 const FAR: f64 = 0.35;
 /// Share of the way to its core that a place can give at most.
@@ -353,7 +355,7 @@ fn thickness(skin: &Surface, i: usize) -> f64 {
 /// Whether there is flesh behind a vertex that can yield. `cores`: as in [`Frame`].
 pub(crate) fn is_soft(skin: &Surface, cores: &[DVec3], i: usize) -> bool {
     match cores.get(i) {
-        Some(core) => core.distance(skin.verts()[i]) >= 0.5 * THIN,
+        Some(core) => core.distance(skin.verts()[i]) >= SOFT,
         None => thickness(skin, i) >= THIN,
     }
 }
