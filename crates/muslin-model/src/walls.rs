@@ -19,6 +19,9 @@ const NEAR: f32 = 0.004;
 const LEAST: f32 = 0.001;
 /// Out of the skin from its point [m]: two points that bones carry, between which the way out lies in a pose.
 const TIP: f32 = 0.05;
+/// Where swings hardly move the cloth before a wall, to lead it back would throw all other cloth about: such a wall
+/// pushes softly. A share of what the most moved one has.
+const FAINT: f32 = 0.02;
 
 /// Walls of a model: `n·(x - f + Φ q)` stays beyond [`NEAR`], or no more than
 /// [`LEAST`] below where the pose alone leaves it.
@@ -42,7 +45,7 @@ pub(crate) struct Walls {
     /// How far swings take each towards it [m], and room for that.
     towards: Dense,
     all: Vec<f32>,
-    /// `A⁻¹ a`, with `A` the system of a step, and `1 / aᵀ A⁻¹ a`.
+    /// `A⁻¹ a`, with `A` the system of a step, and `1 / (aᵀ A⁻¹ a + ε)` ([`FAINT`]).
     pub pushes: Vec<f32>,
     pub gains: Vec<f32>,
 }
@@ -85,8 +88,10 @@ impl Walls {
             for (p, row) in push.iter_mut().zip(inverse.chunks_exact(k)) {
                 *p = dot(row, way);
             }
-            *gain = 1.0 / dot(push, way).max(f32::MIN_POSITIVE);
+            *gain = dot(push, way);
         }
+        let most = self.gains.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
+        (self.gains.iter_mut()).for_each(|g| *g = 1.0 / (*g + FAINT * most));
     }
 
     /// Finds the rooms of a pose, which mixes shapes by `z`.
