@@ -1,4 +1,4 @@
-//! How much memory a garment takes that is played, its body and its rig included.
+//! How much memory a garment takes that is played, all that it keeps of its wearer included.
 
 // An allocator that counts is made of one that does not.
 #![allow(unsafe_code)]

@@ -149,6 +149,17 @@ pub fn evaluate_file(
 }
 
 impl Evaluation {
+    /// A figure of a group; NaN if there is none.
+    pub(crate) fn figure(&self, group: &str, name: &str) -> f64 {
+        match self.report.get(group) {
+            Some(Value::Tree(tree)) => match tree.get(name) {
+                Some(Value::Number(x)) => *x,
+                _ => f64::NAN,
+            },
+            _ => f64::NAN,
+        }
+    }
+
     /// One line a figure: group, name, value.
     pub fn table(&self) -> String {
         let mut table = Table::new(&["group", "figure", "value"]);

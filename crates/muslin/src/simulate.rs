@@ -65,11 +65,22 @@ pub(crate) fn filmed(
     judge: impl FnOnce(&Set, &Clip, &Quality) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     on_set(options, watch, |run, set| {
-        let mut reel = shoot::shoot(set, None, run.watch)?;
-        let told = std::mem::take(&mut reel.told);
-        let clip = set.clip(reel);
-        judge(set, &clip, &Quality::measure(set, &clip, told))
+        let (clip, quality) = shot(set, None, run.watch)?;
+        judge(set, &clip, &quality)
     })
+}
+
+/// All frames, and how good they are; `part` as [`shoot::shoot`] takes it.
+fn shot(
+    set: &Set,
+    part: Option<(&Path, bool)>,
+    watch: &mut Watch,
+) -> Result<(Clip, Quality), Failure> {
+    let mut reel = shoot::shoot(set, part, watch)?;
+    let told = std::mem::take(&mut reel.told);
+    let clip = set.clip(reel);
+    let quality = Quality::measure(set, &clip, told);
+    Ok((clip, quality))
 }
 
 /// Gets body, motion and outfit ready, and goes on with them.
@@ -181,10 +192,7 @@ impl Run<'_, '_> {
 
     fn film(mut self, set: &Set, (out, folders): (&Path, Folders)) -> Result<Outcome, Failure> {
         let part = part(out);
-        let mut reel = shoot::shoot(set, Some((&part, self.options.resume)), self.watch)?;
-        let told = std::mem::take(&mut reel.told);
-        let clip = set.clip(reel);
-        let quality = Quality::measure(set, &clip, told);
+        let (clip, quality) = shot(set, Some((&part, self.options.resume)), self.watch)?;
         self.report.set("simulation", quality.report());
         self.warn(quality.warnings(clip.drape.fps));
         self.done(4, "cloth", line(&quality))?;

@@ -5,7 +5,7 @@ use std::slice;
 
 use glam::DVec3;
 use muslin_body::Avatar;
-use muslin_geom::{Mesh, Value, self_intersections};
+use muslin_geom::{Mesh, self_intersections};
 use muslin_io::Clip;
 use muslin_model::{Crowd, CrowdError, Model, Player};
 use muslin_sim::{Cloth, Settled};
@@ -77,14 +77,7 @@ impl Tier {
     /// Strain [J] of the reference cloth, by the judge of all clips.
     fn strain(&self, set: &Set) -> Result<f64, Failure> {
         let clip: Clip = set.clip(self.reel.clone());
-        let found = evaluate(&clip, None)?;
-        match found.report.get("energies") {
-            Some(Value::Tree(e)) => match e.get("strain_J") {
-                Some(Value::Number(x)) => Ok(*x),
-                _ => Ok(f64::NAN),
-            },
-            _ => Ok(f64::NAN),
-        }
+        Ok(evaluate(&clip, None)?.figure("energies", "strain_J"))
     }
 }
 

@@ -34,14 +34,15 @@ pub(super) fn rows(
     table: &mut Table,
 ) -> Result<String, Failure> {
     let set_at = |fps: f64| set((who, model), (clip, fps, worn), Some(SECONDS));
-    let here = set_at(FPS)?;
+    let mut here = set_at(FPS)?;
     let told = here.told(0, model.clone())?;
     let swinging = swings::swinging(told, (here.avatar, &here.figure), &here.cloth)?;
     let still = predict((&here, slice::from_ref(&swinging)), (0.0, usize::MAX))?.frames;
     let raw = predict((&here, slice::from_ref(&swinging)), (1.0, usize::MAX))?.frames;
-    let mut about = set_at(FPS)?;
-    yaw(&mut about);
-    let turned = predict((&about, slice::from_ref(&swinging)), (1.0, usize::MAX))?.frames;
+    let poses = here.moving.motion.poses.clone();
+    yaw(&mut here);
+    let turned = predict((&here, slice::from_ref(&swinging)), (1.0, usize::MAX))?.frames;
+    here.moving.motion.poses = poses;
     let off = format!("{:.4}", 1e3 * apart(&raw, &turned));
     let refined = along((&here, REFINE, 1.0), (0, &raw, None), &mut Watch::nobody())?;
     let refined: Vec<Vec<DVec3>> = refined.into_iter().map(|s| s.cloth).collect();

@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use glam::DVec3;
 use muslin_body::Avatar;
 use muslin_io::{Output, png};
 
@@ -252,7 +253,10 @@ fn one(
     let dressed = drape_outfit(avatar, outfit, &sitter, &Watch::nobody())?;
     let shown = !drapes.only.is_empty() || faulty(&dressed.quality);
     if let Some(folder) = drapes.pictures.as_ref().filter(|_| shown) {
-        picture(folder, (avatar, &sitter), (outfit, &dressed), &case.name)?;
+        let skin = &dressed.quality.settled.body;
+        let body = sitter.with_skin(avatar, skin).posed.verts;
+        let worn = (outfit, dressed.drape.frames[0].as_slice());
+        picture(folder, (avatar, &body), worn, &case.name)?;
     }
     Ok(dressed)
 }
@@ -262,16 +266,14 @@ fn faulty(quality: &Quality) -> bool {
     s.body_intersections + s.self_crossings > 0 || !quality.within_limits()
 }
 
-/// Front picture of a case, named like it.
-fn picture(
+/// Front picture of a body and what it wears, named like the case.
+pub(super) fn picture(
     folder: &Path,
-    (avatar, sitter): (&Avatar, &Sitter),
-    (outfit, dressed): (&Outfit, &Dressed),
+    who: (&Avatar, &[DVec3]),
+    (outfit, x): (&Outfit, &[DVec3]),
     name: &str,
 ) -> Result<(), Failure> {
-    let sitter = sitter.with_skin(avatar, &dressed.quality.settled.body);
-    let who = (avatar, sitter.posed.verts.as_slice());
-    let scene = look::scene(who, outfit, &dressed.drape.frames[0], Backdrop::default());
+    let scene = look::scene(who, outfit, x, Backdrop::default());
     let front = look::front(&look::stage(&scene));
     let mut output = Output::open(folder).map_err(|e| file_failure(&e))?;
     let file = format!("{}.png", name.replace([',', ' ', ':', '+'], "-"));

@@ -3,16 +3,14 @@
 
 use std::path::{Path, PathBuf};
 
-use muslin_geom::Value;
-use muslin_io::{Clip, Output, png};
+use muslin_io::Clip;
 use muslin_sim::BEYOND_LIMIT;
 
 use super::clock::load;
-use crate::dress::file_failure;
+use super::whole::picture;
 use crate::evaluate::evaluate;
 use crate::failure::Failure;
-use crate::look;
-use crate::options::{Backdrop, DressOptions, Wear};
+use crate::options::{DressOptions, Wear};
 use crate::simulate::quality::Quality;
 use crate::simulate::set::Set;
 use crate::simulate::{SimulateOptions, filmed};
@@ -212,14 +210,7 @@ struct Found {
 
 impl Found {
     fn of(clip: &Clip, quality: &Quality) -> Result<Self, Failure> {
-        let evaluation = evaluate(clip, None)?;
-        let deeper = match evaluation.report.get("contact") {
-            Some(Value::Tree(contact)) => match contact.get("deeper_than_half_a_mm") {
-                Some(Value::Number(n)) => *n,
-                _ => f64::NAN,
-            },
-            _ => f64::NAN,
-        };
+        let deeper = evaluate(clip, None)?.figure("contact", "deeper_than_half_a_mm");
         Ok(Self {
             vertices: clip.n_verts(),
             frames: clip.drape.frames.len(),
@@ -312,7 +303,7 @@ fn rounds(case: &Case, walks: &Walks, watch: &Watch) -> Result<Found, Failure> {
                 None => found = Some(Found::of(clip, quality)?),
             }
             match &walks.pictures {
-                Some(folder) if round == 0 => picture(folder, (set, clip), &case.name),
+                Some(folder) if round == 0 => last_frame(folder, (set, clip), &case.name),
                 _ => Ok(()),
             }
         };
@@ -322,24 +313,11 @@ fn rounds(case: &Case, walks: &Walks, watch: &Watch) -> Result<Found, Failure> {
 }
 
 /// Front picture of a clip's last frame, named like the case.
-fn picture(folder: &Path, (set, clip): (&Set, &Clip), name: &str) -> Result<(), Failure> {
+fn last_frame(folder: &Path, (set, clip): (&Set, &Clip), name: &str) -> Result<(), Failure> {
     let last = clip.drape.frames.len() - 1;
     let body = set.seen(last, &clip.body[last]);
-    let who = (set.avatar, body.as_slice());
-    let scene = look::scene(
-        who,
-        &set.outfit,
-        &clip.drape.frames[last],
-        Backdrop::default(),
-    );
-    let front = look::front(&look::stage(&scene));
-    let mut output = Output::open(folder).map_err(|e| file_failure(&e))?;
-    let file = format!("{}.png", name.replace([',', ' ', ':'], "-"));
-    output
-        .add(&file, &png(&front))
-        .map_err(|e| file_failure(&e))?;
-    output.commit().map_err(|e| file_failure(&e))?;
-    Ok(())
+    let worn = (&set.outfit, clip.drape.frames[last].as_slice());
+    picture(folder, (set.avatar, &body), worn, name)
 }
 
 #[cfg(test)]
