@@ -154,6 +154,7 @@ impl Swing {
         let inverse = inverse(a, k);
         (self.inverse.iter_mut().zip(inverse)).for_each(|(to, x)| *to = x as f32);
         self.walls.ready(&self.inverse);
+        self.ties.ready(&self.means, &self.inverse, k);
     }
 
     /// The codes of the next frame, where the pose mixes shapes by `z` and bones stand so.

@@ -51,6 +51,7 @@ pub(crate) struct Layout {
     pairs: u32,
     step: f32,
     tau: f32,
+    faint: f32,
 }
 
 #[cfg(test)]
@@ -64,6 +65,7 @@ impl Layout {
             match name.trim() {
                 "step" => self.step.to_le_bytes(),
                 "tau" => self.tau.to_le_bytes(),
+                "faint" => self.faint.to_le_bytes(),
                 _ => value.trim().parse::<u32>().expect("a number").to_le_bytes(),
             }
         });
@@ -265,6 +267,7 @@ impl Tables {
             return;
         };
         swing.begin(step);
+        self.layout.faint = swing.ties.faint;
         let parts = [
             (self.layout.inverse, &swing.inverse),
             (self.layout.pushes, &swing.walls.pushes),

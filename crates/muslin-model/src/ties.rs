@@ -14,6 +14,9 @@ use crate::{Model, Sway};
 
 /// How much longer than along the cloth's edges at rest a pair may be: so far cloth gives.
 const GIVES: f32 = 1.05;
+/// Where swings hardly move two points apart, to lead them back together would throw all other cloth about: such a tie
+/// pulls softly. A share of what the most moved point has.
+const FAINT: f32 = 0.02;
 /// Rounds over the ties in a step.
 const ROUNDS: usize = 3;
 /// Swings at most that ties have room for; cloth with more has none.
@@ -25,6 +28,8 @@ pub(crate) struct Ties {
     pub pairs: Vec<[u32; 2]>,
     /// In metres.
     pub longest: Vec<f32>,
+    /// What is added to how much longer a pair becomes by the push that makes it so ([`FAINT`]).
+    pub faint: f32,
     /// Where the points are [m].
     at: Vec<Vec3A>,
 }
@@ -66,8 +71,20 @@ impl Ties {
         Self {
             pairs: all.iter().map(|t| t.0).collect(),
             longest: all.iter().map(|t| GIVES * t.1).collect(),
+            faint: 0.0,
             at: vec![Vec3A::ZERO; sway.samples.len()],
         }
+    }
+
+    /// Gets ready for steps of that inverse system, where swings move the points by these rows.
+    pub fn ready(&mut self, means: &[f32], inverse: &[f32], k: usize) {
+        let moved = |row: &[f32]| -> f32 {
+            let pushed = inverse.chunks_exact(k).map(|i| dot(i, row));
+            pushed.zip(row).map(|(p, r)| p * r).sum()
+        };
+        let points = means.chunks_exact(3 * k);
+        let each = points.map(|rows| rows.chunks_exact(k).map(moved).sum::<f32>());
+        self.faint = FAINT * each.fold(0.0, f32::max);
     }
 
     /// Leads codes to where all of them are long enough, as far as a few rounds get; whether any was not. A pair that
@@ -109,7 +126,7 @@ impl Ties {
                 for (p, inverse) in push.iter_mut().zip(held.inverse.chunks_exact(k)) {
                     *p = dot(inverse, &row[..k]);
                 }
-                let by = beyond / dot(&push[..k], &row[..k]).max(f32::MIN_POSITIVE);
+                let by = beyond / (dot(&push[..k], &row[..k]) + self.faint).max(f32::MIN_POSITIVE);
                 q.iter_mut().zip(&push).for_each(|(q, p)| *q -= by * p);
             }
             if all_held {

@@ -51,8 +51,8 @@ typedef struct {
     unsigned wall_still, wall_lie, wall_weights, feet, feet_weights, ways, pushes, gains, wall_starts, wall_bones, feet_bones;
     // Ties: in `f` how long each may be; in `u` its two points.
     unsigned longest, pairs;
-    // Seconds from frame to frame, and two thirds of that.
-    float step, tau;
+    // Seconds from frame to frame, and two thirds of that; what is added to how much a push brings two points together.
+    float step, tau, faint;
 } Layout;
 
 // Bones that a point of the skin follows.
@@ -261,7 +261,7 @@ __device__ int hold_ties(const Layout *l, const float *f, const unsigned *u, con
                     push[i] = dot(inverse + (size_t)i * k, row, k);
                     gives += push[i] * row[i];
                 }
-                const float by = beyond / fmaxf(warp_sum(gives), 1.17549435e-38f);
+                const float by = beyond / fmaxf(warp_sum(gives) + l->faint, 1.17549435e-38f);
                 for (unsigned i = threadIdx.x; i < k; i += WARP)
                     q[i] -= by * push[i];
                 *flag = 2;

@@ -49,6 +49,35 @@ const FILES: [&str; 12] = [
     "makehuman/male_casualsuit04.obj",
     "makehuman/male_elegantsuit01.obj",
 ];
+/// Recordings under `motion/`, and where in them to begin [s]: of each [`TAKEN`] seconds.
+const SEQUENCES: [(&str, f64); 20] = [
+    ("cmu-bvh/01_01_playground_forward-jumps_turn.bvh", 2.0),
+    ("cmu-bvh/01_01_playground_forward-jumps_turn.bvh", 12.0),
+    ("cmu-bvh/01_03_playground_climb_hang_swing.bvh", 4.0),
+    ("cmu-bvh/02_01_walk.bvh", 0.4),
+    ("cmu-bvh/05_06_dance-modern.bvh", 0.0),
+    ("cmu-bvh/05_06_dance-modern.bvh", 3.0),
+    ("cmu-fbx-as-bvh/07_01_walk.bvh", 0.3),
+    ("cmu-fbx-as-bvh/49_08_cartwheel.bvh", 1.5),
+    ("cmu-fbx-as-bvh/55_01_dance.bvh", 5.0),
+    ("cmu-fbx-as-bvh/85_03_acrobatics.bvh", 9.0),
+    ("cmu-fbx-as-bvh/85_04_acrobatics.bvh", 9.0),
+    ("cmu-fbx-as-bvh/85_12_acrobatics.bvh", 9.0),
+    ("cmu-fbx-as-bvh/85_14_acrobatics.bvh", 9.0),
+    ("cmu-fbx-as-bvh/91_48_locomotion.bvh", 1.0),
+    ("cmu-fbx-as-bvh/91_49_locomotion.bvh", 1.0),
+    ("cmu-fbx-as-bvh/91_50_locomotion.bvh", 1.0),
+    ("cmu-fbx-as-bvh/91_51_locomotion.bvh", 1.0),
+    ("cmu-fbx-as-bvh/91_52_locomotion.bvh", 1.0),
+    ("cmu-fbx-as-bvh/91_53_locomotion.bvh", 1.0),
+    ("cmu-fbx-as-bvh/91_54_locomotion.bvh", 1.0),
+];
+const TAKEN: f64 = 2.0;
+/// What is worn in each of them.
+const WORN: [&str; 3] = ["tee", "trousers", "dress"];
+/// What sequences are asked for by: an hour or more, so that they are left out where nothing is named.
+const SEQUENCE: &str = "sequence, ";
+
 /// What `cargo xtask peers` makes of Newton's example shirt.
 const SHIRT: &str = "newton_shirt.obj";
 
@@ -105,7 +134,29 @@ impl Walks {
             }
         });
         let all = pace.chain(scaling).chain(self.files());
-        all.filter(|c| self.asks(&c.name)).collect()
+        let asked = all.filter(|c| self.asks(&c.name));
+        asked.chain(self.sequences()).collect()
+    }
+
+    /// Two seconds of twenty recordings in three garments, where they are asked for by name.
+    fn sequences(&self) -> Vec<Case> {
+        let Some(data) = &self.data else {
+            return Vec::new();
+        };
+        let of = |(motion, start): (&str, f64), garment: &str| {
+            let file = data.join("motion").join(motion);
+            let mut options = moving(garment, &file.to_string_lossy(), Some(TAKEN));
+            options.start = start;
+            Case {
+                name: format!("{SEQUENCE}{garment}, {} from {start:.1} s", called(&file)),
+                options,
+                rounds: 1,
+                most: None,
+            }
+        };
+        let all = SEQUENCES.iter().flat_map(|&s| WORN.map(|w| of(s, w)));
+        all.filter(|c| self.only.iter().any(|o| c.name.contains(o)))
+            .collect()
     }
 
     fn files(&self) -> Vec<Case> {
@@ -116,10 +167,7 @@ impl Walks {
         let shirt = self.peers.iter().map(|p| p.join(SHIRT));
         let files = FILES.iter().map(|f| data.join("garments").join(f));
         let one = |file: PathBuf| Case {
-            name: format!(
-                "walk, {}",
-                muslin_io::name(Path::new(file.file_name().unwrap_or_default()))
-            ),
+            name: format!("walk, {}", called(&file)),
             options: moving(&file.to_string_lossy(), &motion, None),
             rounds: 1,
             most: None,
@@ -129,6 +177,11 @@ impl Walks {
             .map(one)
             .collect()
     }
+}
+
+/// A file's own name.
+fn called(file: &Path) -> String {
+    muslin_io::name(Path::new(file.file_name().unwrap_or_default()))
 }
 
 /// A garment as it comes, at 60 frames a second; what is wrong with it is told and not refused.
@@ -337,6 +390,16 @@ mod tests {
             ..Walks::default()
         };
         assert_eq!(names(only("walk, ")).len(), FILES.len());
+        let sequences = names(only(SEQUENCE));
+        assert_eq!(sequences.len(), SEQUENCES.len() * WORN.len());
+        assert!(
+            !names(Walks {
+                data: Some("data".into()),
+                ..Walks::default()
+            })
+            .iter()
+            .any(|n| sequences.contains(n))
+        );
         assert_eq!(names(only("pace, dress, walk")), ["pace, dress, walk"]);
     }
 
