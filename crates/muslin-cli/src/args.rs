@@ -310,6 +310,10 @@ pub struct Train {
     /// Recurrent layers of snug [default: 4].
     #[arg(long)]
     pub layers: Option<usize>,
+    /// Poses before a window at most that the state of snug goes through first, so that it knows states as they are long
+    /// after a motion began; none as published [default: 30].
+    #[arg(long)]
+    pub warm: Option<usize>,
     /// Share of the samples whose motions ncs exchanges, so that its decoder meets more of them
     /// [default: 0.2].
     #[arg(long)]
@@ -748,6 +752,7 @@ impl Train {
             steps: self.steps,
             codes: self.codes,
             layers: self.layers,
+            warm: self.warm,
             without_gravity: self.without_gravity,
             augment: self.augment,
             fairness: self.fairness,

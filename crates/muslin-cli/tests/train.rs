@@ -446,6 +446,7 @@ fn options_of_another_trainer_are_refused_by_name() {
         ("snug", "--mixed", "9"),
         ("pbns", "--layers", "5"),
         ("snug", "--augment", "0.1"),
+        ("ncs", "--warm", "5"),
         ("pbns", "--fairness", "1"),
         ("pbns", "--fabric", "any"),
         ("ncs", "--shape", "any"),

@@ -14,6 +14,8 @@ use crate::lanes::LANES;
 pub(crate) struct Chance {
     /// SNUG: the state of every layer before the window, size × lanes.
     pub states: Vec<Vec<f32>>,
+    /// SNUG: poses before the window that the state goes through first.
+    pub warm: usize,
     /// NCS: the lane whose motion each of the first lanes gets. From these the encoder does not
     /// learn, and they have no inertia.
     pub order: Vec<usize>,
@@ -93,7 +95,7 @@ pub(crate) fn start(encoder: &Encoder, noise: &mut Noise) -> Vec<f32> {
     match encoder {
         Encoder::Plain(m) => m.start(noise),
         Encoder::Pbns(m) => glorot(m, noise),
-        Encoder::Snug(s) => s.layers().flat_map(|l: Gru| l.start(noise)).collect(),
+        Encoder::Snug(s) => s.layers().flat_map(|l| gated(&l, noise)).collect(),
         Encoder::Ncs(n) => {
             let mut part = |m: &Mlp| random(m, |_, _| sizes::NCS_START, noise);
             let mut out = [&n.still, &n.joint, &n.whole].map(&mut part).concat();
@@ -103,6 +105,22 @@ pub(crate) fn start(encoder: &Encoder, noise: &mut Noise) -> Vec<f32> {
             out
         }
     }
+}
+
+/// Weights of the deviations that recurrent layers start with in the published code's framework (Glorot's over all
+/// three gates; orthogonal), biases zero.
+fn gated(gru: &Gru, noise: &mut Noise) -> Vec<f32> {
+    let (i, n) = (gru.inputs, gru.size);
+    let rest = gru.n_params() - 3 * n * (i + n);
+    let mut part = |count: usize, of: usize| -> Vec<f32> {
+        let scale = 1.0 / (of as f64).sqrt();
+        (0..count)
+            .map(|_| (scale * noise.normal()) as f32)
+            .collect()
+    };
+    let told = part(3 * n * i, (i + 3 * n).div_ceil(2));
+    let own = part(3 * n * n, 3 * n);
+    [told, own, vec![0.0; rest]].concat()
 }
 
 /// Weights of Glorot's deviation, biases zero.
@@ -138,7 +156,8 @@ pub(crate) fn forward(
             (vec![codes], Tape::Pbns(tape))
         }
         Encoder::Snug(s) => {
-            let (codes, tape) = SnugTape::forward(s, params, (told, &chance.states));
+            let seen = &told[told.len() - decoded - chance.warm..];
+            let (codes, tape) = SnugTape::forward(s, params, (seen, decoded), &chance.states);
             (codes, Tape::Snug(tape))
         }
         Encoder::Ncs(n) => {
@@ -172,6 +191,24 @@ pub(crate) fn backward(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn recurrent_layers_start_as_small_as_in_the_published_framework_and_without_biases() {
+        let shape = (vec![[0.0; 3]; 24], vec![0.0; 10]);
+        let net = encoder(&Course::of(System::Snug), shape);
+        let first = start(&net, &mut Noise::new(3));
+        let (told, own) = (768 * 85, 768 * 256);
+        let deviation = |x: &[f32]| {
+            let square: f64 = x.iter().map(|x| f64::from(*x).powi(2)).sum();
+            (square / x.len() as f64).sqrt()
+        };
+        let glorot = (2.0_f64 / (85.0 + 768.0)).sqrt();
+        assert!((deviation(&first[..told]) / glorot - 1.0).abs() < 0.02);
+        let orthogonal = (1.0_f64 / 768.0).sqrt();
+        assert!((deviation(&first[told..told + own]) / orthogonal - 1.0).abs() < 0.02);
+        let biases = &first[told + own..told + own + 2 * 768];
+        assert!(biases.iter().all(|b| *b == 0.0));
+    }
 
     #[test]
     fn networks_have_as_many_parameters_as_the_published_ones() {

@@ -230,6 +230,8 @@ pub(crate) mod sizes {
     pub const NCS_START: f64 = 0.05;
     /// SNUG: deviation of the state that a window starts from.
     pub const SNUG_STATE: f64 = 0.1;
+    /// SNUG: poses before a window at most that its state goes through first.
+    pub const SNUG_WARM: usize = 30;
 }
 
 /// Seconds that NCS remembers, and poses beyond that: two are lost to rates, three are decoded.

@@ -34,6 +34,8 @@ pub struct Course {
     pub rate: f32,
     /// Recurrent layers of SNUG.
     pub layers: usize,
+    /// Poses before a window at most that the state of SNUG goes through first; none as published.
+    pub warm: usize,
     /// NCS: size of its codes.
     pub width: usize,
     /// NCS: whether it is told the direction of gravity, not turns alone.
@@ -55,6 +57,7 @@ impl Course {
             windows: usize::MAX,
             rate: 1e-3,
             layers: 4,
+            warm: sizes::SNUG_WARM,
             width: sizes::NCS_CODE,
             gravity: true,
             augmented: 0.2,
@@ -84,7 +87,7 @@ impl Course {
             // The first pose's velocity needs the pose before.
             System::Snug => Span {
                 lead: 1,
-                told: 3,
+                told: 3 + self.warm,
                 decoded,
             },
             System::Ncs => {
@@ -263,12 +266,19 @@ impl<'a> Published<'a> {
         let noise = &mut self.now.noise;
         match &self.encoder {
             Encoder::Snug(s) => {
+                // As well where a motion begins, which is but one of those lengths, as long after.
+                let most = match noise.below(2) {
+                    0 => self.course.warm.min(BEGINS),
+                    _ => self.course.warm,
+                };
+                let warm = noise.below(most + 1);
                 let mut state = |n: usize| {
                     let all = noise.normals(n * LANES).into_iter();
                     all.map(|x| x * sizes::SNUG_STATE as f32).collect()
                 };
                 Chance {
                     states: s.layers().map(|l| state(l.size)).collect(),
+                    warm,
                     ..Chance::default()
                 }
             }
@@ -285,6 +295,9 @@ impl<'a> Published<'a> {
         }
     }
 }
+
+/// Poses at the beginning of a motion in which SNUG's state is still far from where it goes.
+const BEGINS: usize = 2;
 
 /// The motion with `fps` poses a second [1/s].
 fn at_rate(motion: Motion, fps: f64) -> Motion {
@@ -334,7 +347,11 @@ impl Training for Published<'_> {
         }
         let ends = std::array::from_fn(|lane| clips.windows[lane * n / LANES]);
         let batch = self.watched(0).batch(&clips, ends);
-        let work = self.work((&clips, &batch), &Chance::default());
+        let chance = Chance {
+            warm: self.course.warm,
+            ..Chance::default()
+        };
+        let work = self.work((&clips, &batch), &chance);
         Told {
             step: self.now.step,
             energies: work.energies,

@@ -47,6 +47,8 @@ pub struct TrainOptions {
     pub without_gravity: bool,
     /// Recurrent layers of SNUG; 4 if not said.
     pub layers: Option<usize>,
+    /// Poses before a window at most that SNUG's state goes through first; 30 if not said.
+    pub warm: Option<usize>,
     /// Share of the samples whose motions NCS exchanges; 0.2 if not said.
     pub augment: Option<f64>,
     /// How steeply poses that cost much count for less in our own training; 1.5 if not said.
@@ -90,6 +92,7 @@ impl Default for TrainOptions {
             width: None,
             without_gravity: false,
             layers: None,
+            warm: None,
             augment: None,
             fairness: None,
             relaxed: None,
@@ -180,6 +183,7 @@ impl TrainOptions {
                 self.layers.is_some() && !is(System::Snug),
                 "snug",
             ),
+            ("--warm", self.warm.is_some() && !is(System::Snug), "snug"),
             (
                 "--augment",
                 self.augment.is_some() && !is(System::Ncs),
@@ -277,6 +281,7 @@ impl TrainOptions {
         within("--mixed", "", self.mixed.map(|x| x as f64), (0.0, 1e5))?;
         within("--width", "", self.width.map(|x| x as f64), (4.0, 4096.0))?;
         within("--layers", "", self.layers.map(|x| x as f64), (1.0, 16.0))?;
+        within("--warm", "", self.warm.map(|x| x as f64), (0.0, 1000.0))?;
         within("--augment", "", self.augment, (0.0, 1.0))?;
         within("--fairness", "", self.fairness, (0.0, 3.0))?;
         within("--relax", "", self.relaxed.map(|x| x as f64), (0.0, 64.0))?;
@@ -320,6 +325,7 @@ impl TrainOptions {
             },
             rate: self.rate.map_or(usual.rate, |r| r as f32),
             layers: self.layers.unwrap_or(usual.layers),
+            warm: self.warm.unwrap_or(usual.warm),
             width: self.width.unwrap_or(usual.width),
             gravity: !self.without_gravity,
             augmented: self.augment.unwrap_or(usual.augmented),
