@@ -583,7 +583,8 @@ pub struct Bench {
     pub build: Build,
     /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this, or parts of the garments figures
     /// ("tee, 02_01_walk, swing"; rest, swing, fabrics and speed; "sphere" needs no model), or of the cloth figures
-    /// ("physics", "pace, tee, walk", "scaling, tee, 12 mm", "walk, shirt.json"); may be given again.
+    /// ("physics", "pace, tee, walk", "scaling, tee, 12 mm", "walk, shirt.json"; "sequence, " for two seconds of twenty
+    /// recordings in three garments, which takes an hour or two and is left out else); may be given again.
     #[arg(long)]
     pub only: Vec<String>,
     /// Folder for pictures: of the drapes that went wrong, or of those named with --only; of the last frame of what
