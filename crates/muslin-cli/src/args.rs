@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use muslin::bench::{Trials, Walks};
 use muslin::{
-    Against, AnimateOptions, Backdrop, Bake, Cut, DressOptions, Person, Place, SimulateOptions,
-    Size, System, TrainOptions, Wear,
+    Against, AnimateOptions, Backdrop, Bake, Cut, DressOptions, EvaluateOptions, Person, Place,
+    SimulateOptions, Size, System, TrainOptions, Wear,
 };
 
 /// Dresses any body in moving cloth: from a photo to a 3D figure wearing draped garments.
@@ -533,6 +533,10 @@ pub struct Evaluate {
     /// Frames, evenly spread, that are led to the minimiser; 0 for all of them.
     #[arg(long, default_value_t = 9)]
     pub samples: usize,
+    /// The same cloth and motion without swing, as `animate --motion-level 0` writes it: tells what cloth does beyond
+    /// it, its dynamic content, here and in what it is held against.
+    #[arg(long, value_name = "FILE")]
+    pub still: Option<PathBuf>,
     /// Where the report goes [default: beside the file, as NAME.evaluation.json].
     #[arg(short, long)]
     pub out: Option<PathBuf>,
@@ -544,8 +548,19 @@ pub struct Evaluate {
 }
 
 impl Evaluate {
+    /// As the library takes them.
+    pub fn options(&self) -> EvaluateOptions {
+        EvaluateOptions {
+            against: self.against(),
+            fabric: self.fabric.clone(),
+            still: self.still.clone(),
+            out: self.out.clone(),
+            frames: self.frames.clone(),
+        }
+    }
+
     /// Whom the file is held against; a file that is called like the solver is named with its folder.
-    pub fn against(&self) -> Option<Against> {
+    fn against(&self) -> Option<Against> {
         let path = self.against.as_ref()?;
         let n = (self.samples > 0).then_some(self.samples);
         Some(match path.to_str() {

@@ -158,11 +158,9 @@ fn list(what: Kind, json: bool) -> Result<(), Failure> {
 }
 
 fn evaluate(e: &Evaluate) -> Result<(), Failure> {
-    let to = (e.out.as_deref(), e.frames.as_deref());
-    let against = e.against();
-    let whom = (against.as_ref(), e.fabric.as_deref());
+    let options = e.options();
     watched(&e.telling, |watch| {
-        muslin::evaluate_file(&e.file, whom, to, watch)
+        muslin::evaluate_file(&e.file, &options, watch)
     })
 }
 

@@ -87,6 +87,34 @@ fn another_answer_is_compared_and_json_is_printed() {
 }
 
 #[test]
+fn what_cloth_does_beyond_a_still_body_is_told_here_and_there() {
+    let folder = Folder::new("still");
+    let put = |name: &str, aside: f32| folder.put(name, &falling(aside));
+    let (a, b, still) = (
+        put("a.npz", 0.01),
+        put("b.npz", 0.03),
+        put("still.npz", 0.0),
+    );
+    let out = evaluate(&[&a, "--against", &b, "--still", &still, "--json"]);
+    assert_eq!(out.status.code(), Some(0));
+    let json = String::from_utf8_lossy(&out.stdout).into_owned();
+    let told = |name: &str| -> f64 {
+        let after = json.split_once(&format!("\"{name}\": "));
+        let number = after.and_then(|a| a.1.split([',', '\n', '}']).next());
+        number.and_then(|n| n.trim().parse().ok()).expect(name)
+    };
+    assert!((told("dynamic_content_mm") - 10.0).abs() < 1e-3, "{json}");
+    assert!(
+        (told("their_dynamic_content_mm") - 30.0).abs() < 1e-3,
+        "{json}"
+    );
+    // What never changes is no swing.
+    assert!(told("swing_mm") < 1e-3, "{json}");
+    let gone = evaluate(&[&a, "--still", "gone.npz"]);
+    assert_eq!(gone.status.code(), Some(4));
+}
+
+#[test]
 fn bad_files_end_with_their_code_a_hint_and_no_report() {
     let folder = Folder::new("bad");
     let whole = falling(0.0);

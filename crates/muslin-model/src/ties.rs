@@ -9,14 +9,11 @@ use std::collections::BinaryHeap;
 use glam::{Mat3A, Vec3A};
 
 use crate::layers::Dense;
-use crate::walls::dot;
+use crate::walls::{dot, faint};
 use crate::{Model, Sway};
 
 /// How much longer than along the cloth's edges at rest a pair may be: so far cloth gives.
 const GIVES: f32 = 1.05;
-/// Where swings hardly move two points apart, to lead them back together would throw all other cloth about: such a tie
-/// pulls softly. A share of what the most moved point has.
-const FAINT: f32 = 0.02;
 /// Rounds over the ties in a step.
 const ROUNDS: usize = 3;
 /// Swings at most that ties have room for; cloth with more has none.
@@ -28,7 +25,7 @@ pub(crate) struct Ties {
     pub pairs: Vec<[u32; 2]>,
     /// In metres.
     pub longest: Vec<f32>,
-    /// What is added to how much longer a pair becomes by the push that makes it so ([`FAINT`]).
+    /// What is added to how much longer a pair becomes by the push that makes it so ([`faint`]).
     pub faint: f32,
     /// Where the points are [m].
     at: Vec<Vec3A>,
@@ -84,7 +81,7 @@ impl Ties {
         };
         let points = means.chunks_exact(3 * k);
         let each = points.map(|rows| rows.chunks_exact(k).map(moved).sum::<f32>());
-        self.faint = FAINT * each.fold(0.0, f32::max);
+        self.faint = faint(each);
     }
 
     /// Leads codes to where all of them are long enough, as far as a few rounds get; whether any was not. A pair that

@@ -19,8 +19,7 @@ const NEAR: f32 = 0.004;
 const LEAST: f32 = 0.001;
 /// Out of the skin from its point [m]: two points that bones carry, between which the way out lies in a pose.
 const TIP: f32 = 0.05;
-/// Where swings hardly move the cloth before a wall, to lead it back would throw all other cloth about: such a wall
-/// pushes softly. A share of what the most moved one has.
+/// What [`faint`] takes of the most moved cloth.
 const FAINT: f32 = 0.02;
 
 /// Walls of a model: `n·(x - f + Φ q)` stays beyond [`NEAR`], or no more than
@@ -45,7 +44,7 @@ pub(crate) struct Walls {
     /// How far swings take each towards it [m], and room for that.
     towards: Dense,
     all: Vec<f32>,
-    /// `A⁻¹ a`, with `A` the system of a step, and `1 / (aᵀ A⁻¹ a + ε)` ([`FAINT`]).
+    /// `A⁻¹ a`, with `A` the system of a step, and `1 / (aᵀ A⁻¹ a + ε)` ([`faint`]).
     pub pushes: Vec<f32>,
     pub gains: Vec<f32>,
 }
@@ -90,8 +89,8 @@ impl Walls {
             }
             *gain = dot(push, way);
         }
-        let most = self.gains.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
-        (self.gains.iter_mut()).for_each(|g| *g = 1.0 / (*g + FAINT * most));
+        let faint = faint(self.gains.iter().copied()).max(f32::MIN_POSITIVE);
+        (self.gains.iter_mut()).for_each(|g| *g = 1.0 / (*g + faint));
     }
 
     /// Finds the rooms of a pose, which mixes shapes by `z`.
@@ -222,6 +221,12 @@ fn skin<R: Iterator<Item = (usize, f32)>>(rows: impl Iterator<Item = R>) -> Skin
         out.starts.push(out.bones.len() as u32);
     }
     out
+}
+
+/// How softly walls push and ties pull, from how far a unit push moves the cloth of each: where swings hardly move
+/// it, to lead it back would throw all other cloth about.
+pub(crate) fn faint(moved: impl Iterator<Item = f32>) -> f32 {
+    FAINT * moved.fold(0.0, f32::max)
 }
 
 /// Of two rows of one length.

@@ -40,6 +40,7 @@ mod relief;
 mod rub;
 mod safe;
 mod simulate;
+mod sleep;
 mod slip;
 mod stage;
 #[cfg(test)]

@@ -5,7 +5,8 @@
 //! to rest from there. So a few steps are enough, and folds do not jump from frame to frame.
 //!
 //! With inertia, cloth goes on from where the first guess that led to a clean frame was led to, and swings as in a
-//! simulation.
+//! simulation. With or without, clean cloth that hardly moves on a body that stands still, or came to rest on it in the
+//! first frame, stays where it is until the body moves ([`Sleep`]), unless wind blows.
 
 use std::time::Instant;
 
@@ -21,6 +22,7 @@ use crate::{
     drape::{GoOn, Options, asked},
     ordered,
     simulate::Walk,
+    sleep::Sleep,
     stage::{Pace, Stage, Stride},
     weave::Weave,
 };
@@ -107,6 +109,7 @@ pub fn refine(
         dents: Dents::new(walk, worn_on, options.room(cloth)),
         stage,
         pace: Pace::calm(options.step, options.keep),
+        is_calm: options.air.wind == DVec3::ZERO,
         deliver,
     };
     // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
@@ -141,6 +144,8 @@ struct Run<'a, D> {
     dents: Dents<'a>,
     stage: Stage<'a>,
     pace: Pace,
+    /// Whether cloth may sleep.
+    is_calm: bool,
     deliver: D,
 }
 
@@ -151,14 +156,26 @@ impl<D: FnMut(Refined)> Run<'_, D> {
         (lead, time, go_on): (usize, f64, GoOn<'_>),
     ) -> Result<(), SimError> {
         let mut anew = true;
-        let mut again = Again::default();
+        let (mut again, mut sleep) = (Again::default(), Sleep::default());
+        let mut asleep: Option<Refined> = None;
         for (i, guess) in guesses.frames.iter().enumerate() {
             asked(go_on)?;
             let since = Instant::now();
             let stage = &mut self.stage;
             let k = lead + guesses.first + i;
             let body = self.dents.frame(k)?;
-            let before = stage.steps;
+            if !sleep.lasts(&body.skin) {
+                asleep = None;
+            }
+            if let Some(asleep) = &asleep {
+                (self.deliver)(Refined {
+                    steps: 0,
+                    seconds: since.elapsed().as_secs_f64(),
+                    ..asleep.clone()
+                });
+                continue;
+            }
+            let (before, there) = (stage.steps, stage.x.clone());
             stage.body.slick = self.dents.slick(k);
             let swings = guesses.inertia > 0.0;
             let tidy = if swings && !anew {
@@ -203,7 +220,7 @@ impl<D: FnMut(Refined)> Run<'_, D> {
             let self_crossings = stage.in_itself().len();
             // Guesses for poses in which cloth gets caught are no place to begin from.
             anew &= swings && tidy.left + self_crossings > 0 && guesses.begun.is_none();
-            (self.deliver)(Refined {
+            let refined = Refined {
                 self_crossings,
                 verts: stage.x.clone(),
                 body: tidy.skin,
@@ -211,7 +228,25 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                 body_intersections: tidy.left,
                 steps: stage.steps - before,
                 seconds: since.elapsed().as_secs_f64(),
-            });
+            };
+            let is_clean = refined.body_intersections + self_crossings == 0;
+            let (far, time) = match i {
+                0 if guesses.begins_at_rest => (0.0, f64::INFINITY),
+                _ => (apart(&there, &stage.x), time),
+            };
+            let far = if is_clean && self.is_calm {
+                far
+            } else {
+                f64::INFINITY
+            };
+            if sleep.falls(far, time) {
+                // In the first frame it has the body's own velocity.
+                if i > 0 {
+                    stage.halt();
+                }
+                asleep = Some(refined.clone());
+            }
+            (self.deliver)(refined);
         }
         Ok(())
     }

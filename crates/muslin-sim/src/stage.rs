@@ -409,6 +409,12 @@ impl<'a> Stage<'a> {
         self.v = self.x.iter().zip(&motions).map(by).collect();
     }
 
+    /// Lets the cloth lie still where it is.
+    pub fn halt(&mut self) {
+        self.v.fill(DVec3::ZERO);
+        self.past = None;
+    }
+
     /// One step in which the body gives way or comes back; cloth is not taken along.
     pub fn give_way(&mut self, frame: &[DVec3]) -> Result<(), SimError> {
         self.body.advance(frame);

@@ -4,7 +4,7 @@
 mod scenes;
 
 use glam::{DVec2, DVec3};
-use muslin_sim::{Cloth, Frame, Guesses, Options, Refined, SimError, Walk, drape, refine};
+use muslin_sim::{Air, Cloth, Frame, Guesses, Options, Refined, SimError, Walk, drape, refine};
 use scenes::{capsule, cotton, cut, grid};
 
 const FRAMES: usize = 8;
@@ -315,17 +315,20 @@ fn cloth_that_swings_is_within_its_limit_from_the_first_frame_on() {
     assert!(slipped < 0.07, "{slipped}");
 }
 
-#[test]
-fn cloth_that_begins_at_rest_stays_where_it_is_on_a_body_that_stands_still() {
-    // A strip that hangs from its upper end, guessed to hang aslant.
+/// A strip that hangs from its upper end, guessed to hang aslant, for so many frames on a body that then goes aside by
+/// a centimetre a frame; and its frames [m].
+fn hung(stands: usize, begins_at_rest: bool, wind: f64) -> Vec<Vec<DVec3>> {
     let (mut cloth, flat) = sheet(DVec2::new(0.04, 0.4), [2, 20]);
     cloth.pins = (60..63).collect();
     let aslant = |p: &DVec2| DVec3::new(p.x, p.y, 0.2 * (0.4 - p.y));
     let guess: Vec<DVec3> = flat.iter().map(aslant).collect();
     let middle = DVec3::new(0.02, 0.5, 0.1);
     let (rest, faces) = capsule(middle, middle + DVec3::Z * 1e-6, 0.01, 12);
-    let at = |_: usize| Frame::from(rest.clone());
-    let frames = 20;
+    let frames = stands + 4;
+    let at = |k: usize| {
+        let way = DVec3::X * (0.01 * (k + 1).saturating_sub(stands) as f64);
+        Frame::from(rest.iter().map(|p| *p + way).collect::<Vec<_>>())
+    };
     let walk = Walk {
         faces: &faces,
         rest: &rest,
@@ -337,27 +340,47 @@ fn cloth_that_begins_at_rest_stays_where_it_is_on_a_body_that_stands_still() {
     let options = Options {
         pin: 1e3,
         handles: true,
+        air: Air {
+            wind: DVec3::X * wind,
+            ..Options::USUAL.air
+        },
         ..Options::USUAL
     };
-    let drift = |begins_at_rest: bool| {
-        let guesses = Guesses {
-            begun: None,
-            frames: &vec![guess.clone(); frames],
-            first: 0,
-            steps: 5,
-            inertia: 1.0,
-            begins_at_rest,
-        };
-        let mut out = Vec::new();
-        let deliver = |r: Refined| out.push(r.verts);
-        refine(&cloth, &guesses, (&walk, &options, &|| true), deliver).expect("valid");
-        let farthest = |x: &Vec<DVec3>| {
-            let pairs = out[0].iter().zip(x);
+    let guesses = Guesses {
+        begun: None,
+        frames: &vec![guess.clone(); frames],
+        first: 0,
+        steps: 5,
+        inertia: 1.0,
+        begins_at_rest,
+    };
+    let mut out = Vec::new();
+    let deliver = |r: Refined| out.push(r.verts);
+    refine(&cloth, &guesses, (&walk, &options, &|| true), deliver).expect("valid");
+    out
+}
+
+#[test]
+fn cloth_that_begins_at_rest_stays_where_it_is_until_the_body_moves() {
+    let drift = |begins_at_rest: bool, wind: f64| {
+        let x = hung(20, begins_at_rest, wind);
+        let farthest = |k: usize| {
+            let pairs = x[0].iter().zip(&x[k]);
             pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
         };
-        out.iter().map(farthest).fold(0.0, f64::max)
+        assert!(farthest(23) > 0.02, "it goes with the body");
+        (0..20).map(farthest).fold(0.0, f64::max)
     };
-    let [moves, stays] = [false, true].map(drift);
+    // Wind keeps it awake, however little of it: what begins at rest is at rest indeed.
+    let (moves, awake, asleep) = (drift(false, 1e-9), drift(true, 1e-9), drift(true, 0.0));
     assert!(moves > 2e-3, "{moves} m");
-    assert!(stays < 0.2 * moves && stays < 1e-3, "{stays} of {moves} m");
+    assert!(awake < 0.2 * moves && awake < 1e-3, "{awake} of {moves} m");
+    assert!(awake > 0.0 && asleep == 0.0, "{asleep} and {awake} m");
+}
+
+#[test]
+fn cloth_that_begins_at_rest_sets_off_with_a_body_in_motion() {
+    let x = hung(1, true, 0.0);
+    let hem = x[1][1].x - x[0][1].x;
+    assert!((hem - 0.01).abs() < 1e-3, "{hem} m");
 }

@@ -7,6 +7,7 @@
 //! point (of an open one by pseudo-normals). Intersections are decided by exact predicates.
 //! Non-finite frames are counted and left out.
 
+pub(crate) mod beyond;
 mod contact;
 mod frame;
 mod material;
@@ -26,6 +27,7 @@ use crate::failure::{Exit, Failure};
 use crate::outcome::Outcome;
 use crate::table::Table;
 use crate::watch::Watch;
+use beyond::Still;
 use frame::Frame;
 use material::Reference;
 use solver::Solver;
@@ -44,6 +46,23 @@ pub enum Against {
     Simulator,
 }
 
+/// What a file is held against, and where the answer goes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EvaluateOptions {
+    /// Whom distances and energies are told against.
+    pub against: Option<Against>,
+    /// What minimiser and simulator take the cloth to be made of: a fabric's name or file. Without it, what the file
+    /// says, and `paper-snug-cotton` where it says nothing.
+    pub fabric: Option<String>,
+    /// A file of the same cloth and motion without swing, as `animate --motion-level 0` writes it: what cloth does
+    /// beyond it is its dynamic content.
+    pub still: Option<PathBuf>,
+    /// Where the report goes: beside the file, as `NAME.evaluation.json`, if that is not said.
+    pub out: Option<PathBuf>,
+    /// A table (CSV) of every frame, as well.
+    pub frames: Option<PathBuf>,
+}
+
 /// What was found.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
@@ -59,14 +78,15 @@ pub struct Evaluation {
 /// The rest shape is the clip's own: its pattern, else its shape at rest, else the first frame
 /// (which the report then says). The same clip gives the same figures on any number of threads.
 pub fn evaluate(clip: &Clip, against: Option<&Clip>) -> Result<Evaluation, Failure> {
-    judge(clip, |cloth, frames| {
-        let told = against.map(|t| compare(clip, (t, Report::default()), cloth, frames));
+    judge(clip, None, |cloth, frames| {
+        let told = against.map(|t| compare((clip, None), (t, Report::default()), cloth, frames));
         told.transpose()
     })
 }
 
 fn judge(
     clip: &Clip,
+    still: Option<&Still>,
     against: impl FnOnce(&Reference, &[Frame]) -> Result<Option<Report>, Failure>,
 ) -> Result<Evaluation, Failure> {
     clip.check_shape().map_err(|e| file_failure(&e))?;
@@ -94,7 +114,7 @@ fn judge(
         report.set("contact", contact(clip, &frames, &sound));
     }
     report.set("self", crossings(clip, &frames, &sound));
-    report.set("time", time(clip, &frames));
+    report.set("time", time((clip, still), &frames));
     if let Some(told) = against(&cloth, &frames)? {
         report.set("against", told);
     }
@@ -102,34 +122,37 @@ fn judge(
     Ok(Evaluation { report, frames })
 }
 
-/// Evaluates the file (or folder of point caches) at `path`, writes `NAME.evaluation.json` beside
-/// it, or `out`, and its `frames` where that is asked for, and gives the table.
-///
-/// Minimiser and simulator take the cloth to be made of `fabric`; if none is named, of what the file says, and of
-/// `paper-snug-cotton` where it says nothing.
+/// Evaluates the file (or folder of point caches) at `path`, writes what the options ask for, and gives the table.
 pub fn evaluate_file(
     path: &Path,
-    (against, fabric): (Option<&Against>, Option<&str>),
-    (out, frames): (Option<&Path>, Option<&Path>),
+    options: &EvaluateOptions,
     watch: &mut Watch,
 ) -> Result<Outcome, Failure> {
     let read = |p: &Path| read_clip(p).map_err(|e| file_failure(&e));
     let clip = read(path)?;
-    let solver = || Solver::new(&clip, fabric);
-    let mut evaluation = match against {
-        None => evaluate(&clip, None),
-        Some(Against::File(path)) => evaluate(&clip, Some(&read(path)?)),
+    let still = options.still.as_deref().map(read).transpose()?;
+    let still = still.map(|s| Still::of(&clip, s)).transpose()?;
+    let still = still.as_ref();
+    let solver = || Solver::new(&clip, options.fabric.as_deref());
+    let mut evaluation = match &options.against {
+        None => judge(&clip, still, |_, _| Ok(None)),
+        Some(Against::File(path)) => {
+            let other = read(path)?;
+            judge(&clip, still, |cloth, frames| {
+                compare((&clip, still), (&other, Report::default()), cloth, frames).map(Some)
+            })
+        }
         Some(Against::Minimiser(n)) => {
             let solver = solver()?;
-            judge(&clip, |cloth, _| {
+            judge(&clip, still, |cloth, _| {
                 solver.minimised(*n, (cloth, watch)).map(Some)
             })
         }
         Some(Against::Simulator) => {
             let solver = solver()?;
-            judge(&clip, |cloth, frames| {
+            judge(&clip, still, |cloth, frames| {
                 let truth = (&solver.simulated(watch)?, solver.told("simulator"));
-                compare(&clip, truth, cloth, frames).map(Some)
+                compare((&clip, still), truth, cloth, frames).map(Some)
             })
         }
     }?;
@@ -139,10 +162,10 @@ pub fn evaluate_file(
         .set("file", file.as_str())
         .set("muslin", env!("CARGO_PKG_VERSION"));
     let beside = path.with_extension("evaluation.json");
-    let target = out.unwrap_or(&beside);
+    let target = options.out.as_deref().unwrap_or(&beside);
     let json = report_json(&evaluation.report);
     write_file(target, json.as_bytes()).map_err(|e| file_failure(&e))?;
-    if let Some(path) = frames {
+    if let Some(path) = &options.frames {
         write_file(path, evaluation.frames.as_bytes()).map_err(|e| file_failure(&e))?;
     }
     Ok(Outcome::new(evaluation.table(), &evaluation.report))
@@ -362,7 +385,7 @@ fn crossings(clip: &Clip, frames: &[Frame], sound: &[bool]) -> Report {
     r
 }
 
-fn time(clip: &Clip, frames: &[Frame]) -> Report {
+fn time((clip, still): (&Clip, Option<&Still>), frames: &[Frame]) -> Report {
     let mut r = Report::default();
     r.set(
         "acceleration_mean_m_s2",
@@ -372,28 +395,41 @@ fn time(clip: &Clip, frames: &[Frame]) -> Report {
     if let Some(drift) = frame::drift(clip) {
         r.set("drift_on_still_body_mm_10s", 1000.0 * drift);
     }
+    if let Some(still) = still {
+        still.tell(
+            &mut r,
+            &clip.drape.frames,
+            ["dynamic_content_mm", "swing_mm"],
+        );
+    }
     r
 }
 
+/// Refuses what is not the same cloth for as many frames; `at` is where the other file is named.
+fn same_cloth(clip: &Clip, other: &Clip, at: &str) -> Result<(), Failure> {
+    other.check_shape().map_err(|e| file_failure(&e))?;
+    let same = other.drape.faces == clip.drape.faces
+        && other.drape.frames.len() == clip.drape.frames.len();
+    if same {
+        return Ok(());
+    }
+    let fault = Failure::new(
+        Exit::Invalid,
+        "not-the-same-cloth",
+        "the other file has other triangles or another number of frames",
+    );
+    Err(fault
+        .at(at)
+        .hint("export both from the same garment and motion"))
+}
+
 fn compare(
-    clip: &Clip,
+    (clip, still): (&Clip, Option<&Still>),
     (truth, mut r): (&Clip, Report),
     cloth: &Reference,
     frames: &[Frame],
 ) -> Result<Report, Failure> {
-    truth.check_shape().map_err(|e| file_failure(&e))?;
-    let same = truth.drape.faces == clip.drape.faces
-        && truth.drape.frames.len() == clip.drape.frames.len();
-    if !same {
-        let fault = Failure::new(
-            Exit::Invalid,
-            "not-the-same-cloth",
-            "the other file has other triangles or another number of frames",
-        );
-        return Err(fault
-            .at("--against")
-            .hint("export both from the same garment and motion"));
-    }
+    same_cloth(clip, truth, "--against")?;
     let sound = frame::sound(truth);
     let both: Vec<&Frame> = frames.iter().filter(|f| sound[f.t]).collect();
     let mut distances = Distances::default();
@@ -408,6 +444,13 @@ fn compare(
     distances.tell(&mut r);
     r.set("energy_gap_J", mean(gaps));
     r.set("their_acceleration_mean_m_s2", mean(accelerations));
+    if let Some(still) = still {
+        still.tell(
+            &mut r,
+            &truth.drape.frames,
+            ["their_dynamic_content_mm", "their_swing_mm"],
+        );
+    }
     Ok(r)
 }
 

@@ -39,7 +39,7 @@ pub use animate::{AnimateOptions, animate};
 pub use check::check;
 pub use drape::{Dressed, Quality, drape_outfit};
 pub use dress::{demo, dress, dress_pose};
-pub use evaluate::{Against, Evaluation, evaluate, evaluate_file};
+pub use evaluate::{Against, EvaluateOptions, Evaluation, evaluate, evaluate_file};
 pub use failure::{Exit, Failure};
 pub use muslin_garment::Cut;
 pub use muslin_train::Place;

@@ -38,14 +38,19 @@ impl Gru {
         3 * self.size * (self.inputs + self.size + 2 * usize::from(self.bias))
     }
 
-    /// Weights of variance `1/size`.
+    /// Weights of variance `1/inputs` and `1/size`, biases zero.
     pub fn start(&self, noise: &mut Noise) -> Vec<f32> {
+        let scale = |n: usize| 1.0 / (n.max(1) as f64).sqrt();
+        self.start_with([scale(self.inputs), scale(self.size)], noise)
+    }
+
+    /// Weights of these deviations, those of the input and those of the state; biases zero.
+    pub fn start_with(&self, [told, own]: [f64; 2], noise: &mut Noise) -> Vec<f32> {
         let mut params = vec![0.0; self.n_params()];
         let (w, u) = (3 * self.size * self.inputs, 3 * self.size * self.size);
-        let scale = |n: usize| 1.0 / (n.max(1) as f64).sqrt();
         for (k, p) in params[..w + u].iter_mut().enumerate() {
-            let n = if k < w { self.inputs } else { self.size };
-            *p = (scale(n) * noise.normal()) as f32;
+            let scale = if k < w { told } else { own };
+            *p = (scale * noise.normal()) as f32;
         }
         params
     }

@@ -100,7 +100,7 @@ pub(crate) fn start(encoder: &Encoder, noise: &mut Noise) -> Vec<f32> {
             let mut part = |m: &Mlp| random(m, |_, _| sizes::NCS_START, noise);
             let mut out = [&n.still, &n.joint, &n.whole].map(&mut part).concat();
             let decoder = part(&n.decoder);
-            out.extend(n.gru().start(noise));
+            out.extend(gated(&n.gru(), noise));
             out.extend(decoder);
             out
         }
@@ -110,23 +110,18 @@ pub(crate) fn start(encoder: &Encoder, noise: &mut Noise) -> Vec<f32> {
 /// Weights of the deviations that recurrent layers start with in the published code's framework (Glorot's over all
 /// three gates; orthogonal), biases zero.
 fn gated(gru: &Gru, noise: &mut Noise) -> Vec<f32> {
-    let (i, n) = (gru.inputs, gru.size);
-    let rest = gru.n_params() - 3 * n * (i + n);
-    let mut part = |count: usize, of: usize| -> Vec<f32> {
-        let scale = 1.0 / (of as f64).sqrt();
-        (0..count)
-            .map(|_| (scale * noise.normal()) as f32)
-            .collect()
-    };
-    let told = part(3 * n * i, (i + 3 * n).div_ceil(2));
-    let own = part(3 * n * n, 3 * n);
-    [told, own, vec![0.0; rest]].concat()
+    let gates = 3 * gru.size;
+    let told = glorot_deviation(gru.inputs, gates);
+    gru.start_with([told, 1.0 / (gates as f64).sqrt()], noise)
 }
 
 /// Weights of Glorot's deviation, biases zero.
 pub(crate) fn glorot(mlp: &Mlp, noise: &mut Noise) -> Vec<f32> {
-    let deviation = |inputs: usize, outputs: usize| (2.0 / (inputs + outputs) as f64).sqrt();
-    random(mlp, deviation, noise)
+    random(mlp, glorot_deviation, noise)
+}
+
+fn glorot_deviation(inputs: usize, outputs: usize) -> f64 {
+    (2.0 / (inputs + outputs) as f64).sqrt()
 }
 
 fn random(mlp: &Mlp, deviation: impl Fn(usize, usize) -> f64, noise: &mut Noise) -> Vec<f32> {
@@ -156,8 +151,7 @@ pub(crate) fn forward(
             (vec![codes], Tape::Pbns(tape))
         }
         Encoder::Snug(s) => {
-            let seen = &told[told.len() - decoded - chance.warm..];
-            let (codes, tape) = SnugTape::forward(s, params, (seen, decoded), &chance.states);
+            let (codes, tape) = SnugTape::forward(s, params, (told, decoded), &chance.states);
             (codes, Tape::Snug(tape))
         }
         Encoder::Ncs(n) => {

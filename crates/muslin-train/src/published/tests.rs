@@ -38,7 +38,9 @@ fn taught(class: &'static Class, course: Course) -> Published<'static> {
 /// A batch, and chance that changes nothing.
 fn batch(trainer: &Published) -> Batch {
     let ends = std::array::from_fn(|lane| trainer.clips.windows[(7 * lane) % 17]);
-    trainer.watched(0).batch(&trainer.clips, ends)
+    trainer
+        .watched(0, &Chance::default())
+        .batch(&trainer.clips, ends)
 }
 
 fn work(trainer: &Published, batch: &Batch, chance: &Chance) -> Work {
@@ -318,7 +320,9 @@ fn plays_as_learnt(trainer: &Published, model: &Model, (wearer, figure): (usize,
         let bones = CLASS.avatar.bones(figure, pose);
         player.frame(pose, &bones, &mut out);
     }
-    let batch = trainer.watched(wearer).batch(&trainer.clips, [[0, 2]; 16]);
+    let batch = trainer
+        .watched(wearer, &Chance::default())
+        .batch(&trainer.clips, [[0, 2]; 16]);
     let last = batch.frames.len() - 1;
     let places = trainer.positions(&batch, &Chance::default());
     for (v, got) in out.iter().enumerate() {

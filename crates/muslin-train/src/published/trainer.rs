@@ -76,7 +76,7 @@ impl Course {
     }
 
     /// How long its windows are.
-    pub(crate) fn span(&self) -> Span {
+    pub(crate) fn span(&self, warm: usize) -> Span {
         let decoded = self.system.recipe().decoded;
         match self.system {
             System::Pbns => Span {
@@ -87,7 +87,7 @@ impl Course {
             // The first pose's velocity needs the pose before.
             System::Snug => Span {
                 lead: 1,
-                told: 3 + self.warm,
+                told: 3 + warm,
                 decoded,
             },
             System::Ncs => {
@@ -212,14 +212,14 @@ impl<'a> Published<'a> {
     }
 
     /// Windows of a wearer ready to be worked on.
-    pub(crate) fn watched(&self, wearer: usize) -> Watched<'_> {
+    pub(crate) fn watched(&self, wearer: usize, chance: &Chance) -> Watched<'_> {
         Watched {
             wearer,
             body: &self.wearers[wearer].body,
             stream: &self.wearers[wearer].stream,
             rig: &self.rig,
             n_inputs: self.encoder.n_inputs(self.drivers.len()),
-            span: self.course.span(),
+            span: self.course.span(chance.warm),
         }
     }
 
@@ -317,7 +317,7 @@ impl Training for Published<'_> {
         let ends = self.choose();
         let chance = self.chance();
         let wearer = self.wearer();
-        let batch = self.watched(wearer).batch(&self.clips, ends);
+        let batch = self.watched(wearer, &chance).batch(&self.clips, ends);
         let work = self.work((&self.clips, &batch), &chance);
         self.now.step += 1;
         let told = Told {
@@ -346,11 +346,11 @@ impl Training for Published<'_> {
             return Told::default();
         }
         let ends = std::array::from_fn(|lane| clips.windows[lane * n / LANES]);
-        let batch = self.watched(0).batch(&clips, ends);
         let chance = Chance {
             warm: self.course.warm,
             ..Chance::default()
         };
+        let batch = self.watched(0, &chance).batch(&clips, ends);
         let work = self.work((&clips, &batch), &chance);
         Told {
             step: self.now.step,

@@ -10,6 +10,7 @@ use muslin_sim::{Options, SimError, simulate};
 
 use super::garments::{REFINE, Wearer, set};
 use crate::animate::{along, predict};
+use crate::evaluate::beyond::{alike, beyond, content};
 use crate::failure::{Exit, Failure};
 use crate::options::DressOptions;
 use crate::simulate::set::Set;
@@ -148,61 +149,4 @@ fn turns(set: &Set, model: &Model) -> Result<Vec<Vec<DMat3>>, Failure> {
 fn mean_turn(skin: &Skin, v: usize, bone: impl Fn(usize) -> DMat3) -> DMat3 {
     let all = skin.row(v).map(|(b, w)| bone(b) * f64::from(w));
     all.fold(DMat3::ZERO, |a, m| a + m)
-}
-
-/// Of every vertex and frame, what it does beyond `still`, in its own frame, less the mean over time.
-fn beyond(x: &[Vec<DVec3>], still: &[Vec<DVec3>], turns: &[Vec<DMat3>]) -> Vec<Vec<DVec3>> {
-    let frames = x.len().min(still.len());
-    let mut out: Vec<Vec<DVec3>> = (0..frames)
-        .map(|k| {
-            let each = x[k].iter().zip(&still[k]).zip(&turns[k]);
-            each.map(|((x, y), turn)| turn.transpose() * (*x - *y))
-                .collect()
-        })
-        .collect();
-    for v in 0..out.first().map_or(0, Vec::len) {
-        let mean = out.iter().map(|f| f[v]).sum::<DVec3>() / frames as f64;
-        out.iter_mut().for_each(|f| f[v] -= mean);
-    }
-    out
-}
-
-fn dot(a: &[Vec<DVec3>], b: &[Vec<DVec3>]) -> f64 {
-    let pairs = a.iter().flatten().zip(b.iter().flatten());
-    pairs.map(|(a, b)| a.dot(*b)).sum()
-}
-
-/// Root mean square [m].
-fn content(x: &[Vec<DVec3>]) -> f64 {
-    (dot(x, x) / x.iter().map(Vec::len).sum::<usize>().max(1) as f64).sqrt()
-}
-
-/// Cosine of the angle between two motions: 1 where one is a multiple of the other.
-fn alike(a: &[Vec<DVec3>], b: &[Vec<DVec3>]) -> f64 {
-    dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_never_changes_and_what_turns_with_the_bones_is_no_swing() {
-        let turn = |k: usize| DMat3::from_rotation_y(0.3 * k as f64);
-        let turns: Vec<Vec<DMat3>> = (0..8).map(|k| vec![turn(k)]).collect();
-        let still: Vec<Vec<DVec3>> = (0..8).map(|k| vec![turn(k) * DVec3::X]).collect();
-        let off = |k: usize, swing: f64| {
-            let own = DVec3::new(
-                1.1,
-                0.0,
-                swing * if k.is_multiple_of(2) { 1.0 } else { -1.0 },
-            );
-            vec![turn(k) * own]
-        };
-        let film = |swing: f64| (0..8).map(|k| off(k, swing)).collect::<Vec<_>>();
-        let [none, some, more] = [0.0, 0.02, 0.05].map(|s| beyond(&film(s), &still, &turns));
-        assert!(content(&none) < 1e-12);
-        assert!((content(&some) - 0.02).abs() < 1e-12);
-        assert!((alike(&some, &more) - 1.0).abs() < 1e-12);
-    }
 }

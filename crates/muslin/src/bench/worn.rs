@@ -75,9 +75,6 @@ const SEQUENCES: [(&str, f64); 20] = [
 const TAKEN: f64 = 2.0;
 /// What is worn in each of them.
 const WORN: [&str; 3] = ["tee", "trousers", "dress"];
-/// What sequences are asked for by: an hour or more, so that they are left out where nothing is named.
-const SEQUENCE: &str = "sequence, ";
-
 /// What `cargo xtask peers` makes of Newton's example shirt.
 const SHIRT: &str = "newton_shirt.obj";
 
@@ -104,41 +101,52 @@ struct Case {
     rounds: usize,
     /// What a frame may take [ms].
     most: Option<f64>,
+    /// Whether it is left out where nothing is named: all of those take an hour or more.
+    is_long: bool,
 }
 
 impl Walks {
     /// Whether something of that name is asked for.
     pub fn asks(&self, name: &str) -> bool {
-        self.only.is_empty() || self.only.iter().any(|o| name.contains(o))
+        self.only.is_empty() || self.names(name)
+    }
+
+    fn names(&self, name: &str) -> bool {
+        self.only.iter().any(|o| name.contains(o))
     }
 
     fn cases(&self) -> Vec<Case> {
-        let pace = PACES.iter().map(|&((garment, edge), motion, most)| {
+        let timed = |name: String, (garment, edge): (&str, f64), motion: &str, most| {
             let mut options = moving(garment, motion, Some(SECONDS));
             options.dress.edge = edge / 1000.0;
             Case {
-                name: format!("pace, {garment}, {motion}"),
+                name,
                 options,
                 rounds: self.rounds.max(1),
-                most: Some(most),
+                most,
+                is_long: false,
             }
+        };
+        let pace = PACES.iter().map(|&(worn, motion, most)| {
+            let name = format!("pace, {}, {motion}", worn.0);
+            timed(name, worn, motion, Some(most))
         });
         let scaling = EDGES.iter().map(|&edge| {
-            let mut options = moving("tee", "walk", Some(SECONDS));
-            options.dress.edge = edge / 1000.0;
-            Case {
-                name: format!("scaling, tee, {edge} mm"),
-                options,
-                rounds: self.rounds.max(1),
-                most: None,
-            }
+            let name = format!("scaling, tee, {edge} mm");
+            timed(name, ("tee", edge), "walk", None)
         });
-        let all = pace.chain(scaling).chain(self.files());
-        let asked = all.filter(|c| self.asks(&c.name));
-        asked.chain(self.sequences()).collect()
+        let all = pace
+            .chain(scaling)
+            .chain(self.files())
+            .chain(self.sequences());
+        let asked = |c: &Case| match c.is_long {
+            true => self.names(&c.name),
+            false => self.asks(&c.name),
+        };
+        all.filter(asked).collect()
     }
 
-    /// Two seconds of twenty recordings in three garments, where they are asked for by name.
+    /// Two seconds of twenty recordings in three garments.
     fn sequences(&self) -> Vec<Case> {
         let Some(data) = &self.data else {
             return Vec::new();
@@ -148,15 +156,14 @@ impl Walks {
             let mut options = moving(garment, &file.to_string_lossy(), Some(TAKEN));
             options.start = start;
             Case {
-                name: format!("{SEQUENCE}{garment}, {} from {start:.1} s", called(&file)),
+                name: format!("sequence, {garment}, {} from {start:.1} s", called(&file)),
                 options,
                 rounds: 1,
                 most: None,
+                is_long: true,
             }
         };
-        let all = SEQUENCES.iter().flat_map(|&s| WORN.map(|w| of(s, w)));
-        all.filter(|c| self.only.iter().any(|o| c.name.contains(o)))
-            .collect()
+        (SEQUENCES.iter().flat_map(|&s| WORN.map(|w| of(s, w)))).collect()
     }
 
     fn files(&self) -> Vec<Case> {
@@ -171,6 +178,7 @@ impl Walks {
             options: moving(&file.to_string_lossy(), &motion, None),
             rounds: 1,
             most: None,
+            is_long: false,
         };
         files
             .chain(shirt.filter(|s| s.is_file()))
@@ -390,7 +398,7 @@ mod tests {
             ..Walks::default()
         };
         assert_eq!(names(only("walk, ")).len(), FILES.len());
-        let sequences = names(only(SEQUENCE));
+        let sequences = names(only("sequence, "));
         assert_eq!(sequences.len(), SEQUENCES.len() * WORN.len());
         assert!(
             !names(Walks {
@@ -410,6 +418,7 @@ mod tests {
             options: SimulateOptions::default(),
             rounds: 1,
             most: Some(35.0),
+            is_long: false,
         };
         let found = |pace, deeper, beyond| Found {
             vertices: 4,

@@ -8,8 +8,7 @@ use rayon::prelude::*;
 
 /// How many times a vertex of the cloth passes a triangle of the body between two frames, both
 /// moving straight: it is on one side before, on the other after, and within it at the moment
-/// between. There and back within one frame is not seen; who went around a hem or a fold in that time, on a bent way,
-/// may count.
+/// between. There and back within one frame is not seen.
 pub fn through_body(clip: &Clip, sound: &[bool]) -> usize {
     between(sound, |t| {
         let points = [t - 1, t].map(|t| clip.drape.frames[t].as_slice());
@@ -18,7 +17,8 @@ pub fn through_body(clip: &Clip, sound: &[bool]) -> usize {
     })
 }
 
-/// The same of triangles of the cloth that the vertex is no corner of.
+/// The same of triangles of the cloth that the vertex is no corner of. Who went around a hem or a fold between two
+/// frames, on a bent way, may count.
 pub fn through_cloth(clip: &Clip, sound: &[bool]) -> usize {
     let faces = &clip.drape.faces;
     between(sound, |t| {

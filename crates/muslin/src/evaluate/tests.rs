@@ -189,6 +189,46 @@ fn against_itself_there_is_no_gap() {
 }
 
 #[test]
+fn what_cloth_does_beyond_a_still_body_is_told_of_both_sides() {
+    // Level cloth for eight frames that turns about; beyond it one goes up and down, the other twice as far and lies
+    // aside throughout.
+    let mut still = falling(8);
+    let level = still.drape.frames[0].clone();
+    for (t, x) in still.drape.frames.iter_mut().enumerate() {
+        let turn = glam::DQuat::from_rotation_y(0.3 * t as f64);
+        *x = level.iter().map(|p| turn * *p).collect();
+    }
+    let moved = |up: f64, aside: f64| {
+        let mut clip = still.clone();
+        for (t, x) in clip.drape.frames.iter_mut().enumerate() {
+            let sign = if t % 2 == 0 { up } else { -up };
+            let turn = glam::DQuat::from_rotation_y(0.3 * t as f64);
+            let off = turn * (DVec3::X * aside) + DVec3::Y * sign;
+            x.iter_mut().for_each(|p| *p += off);
+        }
+        clip
+    };
+    let (clip, other) = (moved(0.003, 0.0), moved(0.006, 0.008));
+    let without = Still::of(&clip, still).expect("the same cloth");
+    let still = Some(&without);
+    let e = judge(&clip, still, |cloth, frames| {
+        compare((&clip, still), (&other, Report::default()), cloth, frames).map(Some)
+    });
+    let e = e.expect("a sound clip");
+    for (group, name, want) in [
+        ("time", "dynamic_content_mm", 3.0),
+        ("time", "swing_mm", 3.0),
+        ("against", "their_dynamic_content_mm", 10.0),
+        ("against", "their_swing_mm", 6.0),
+    ] {
+        let got = figure(&e, group, name);
+        assert!((got - want).abs() < 1e-6, "{name}: {got} for {want}");
+    }
+    let shorter = Still::of(&clip, falling(7)).err().expect("other frames");
+    assert_eq!(shorter.code, "not-the-same-cloth");
+}
+
+#[test]
 fn the_frames_tell_over_time_what_the_report_tells_of_all() {
     let e = evaluate(&falling(6), None).expect("a sound clip");
     let mut lines = e.frames.lines().map(|l| l.split(',').collect::<Vec<_>>());
@@ -231,7 +271,7 @@ fn minimised(clip: &Clip) -> Evaluation {
         let told = solver.minimised(None, (cloth, &mut Watch::nobody()));
         told.map(Some)
     };
-    judge(clip, told).expect("a sound clip")
+    judge(clip, None, told).expect("a sound clip")
 }
 
 #[test]
