@@ -101,7 +101,14 @@ fn a_garment_is_taught_played_and_led_to_rest() {
         let clip = muslin_io::read_clip(&folder.0.join("w.npz"));
         clip.expect("it can be read").drape.frames
     };
-    for refine in ["0", "2"] {
+    let too_few = play(&["--refine", "4"]);
+    assert_eq!(too_few.status.code(), Some(2));
+    assert!(
+        errors(&too_few).contains("5 at least"),
+        "{}",
+        errors(&too_few)
+    );
+    for refine in ["0", "5"] {
         let [still, usual, more] = ["0", "1", "3"].map(|level| film(refine, level));
         assert!(
             still[0] == usual[0] && usual[0] == more[0],

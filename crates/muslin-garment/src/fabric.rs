@@ -129,6 +129,19 @@ impl Fabric {
         presets::all().collect()
     }
 
+    /// Peirce's bending length in warp and weft [m]: `∛(B / ρ g)`, half the overhang of a strip whose end hangs at
+    /// 41.5 degrees (ASTM D1388).
+    pub fn bending_length(&self) -> [f64; 2] {
+        [self.bend_warp, self.bend_weft].map(|b| (b / (self.density * 9.81)).cbrt())
+    }
+
+    /// The drape coefficient that our solver finds for a preset (BS 5058: a disc of 30 cm over 18 cm), least and most
+    /// of three meshes [%]; nothing for any other cloth.
+    pub fn drape(&self) -> Option<[f64; 2]> {
+        let preset = Self::named(&self.name).ok()?;
+        (preset == *self).then(|| presets::drape(&self.name))?
+    }
+
     /// Whether the figures are those of a publication and not of a real cloth.
     pub fn is_paper(&self) -> bool {
         self.confidence == Confidence::Paper
@@ -240,6 +253,20 @@ mod tests {
                 .warnings()
                 .is_empty()
         );
+    }
+
+    #[test]
+    fn stiffer_and_lighter_cloth_bends_later_and_figures_of_drape_are_of_the_preset_alone() {
+        let mut silk = Fabric::named("silk-charmeuse").expect("a preset");
+        // 1 µN m and 83 g/m²: ∛(1e-6 / 0.814) m.
+        assert!((silk.bending_length()[0] - 0.010_709).abs() < 1e-6);
+        assert_eq!(silk.drape(), Some([33.0, 35.3]));
+        silk.bend_weft *= 8.0;
+        let [warp, weft] = silk.bending_length();
+        assert!((weft / warp - 2.0).abs() < 1e-12);
+        assert_eq!(silk.drape(), None);
+        let paper = Fabric::named("paper-vdp-silk").expect("a preset");
+        assert_eq!(paper.drape(), None);
     }
 
     #[test]

@@ -28,6 +28,8 @@ pub fn fabrics() -> Table {
         "weft uNm",
         "friction",
         "limit %",
+        "bends cm",
+        "drape %",
         "trust",
         "source",
     ]);
@@ -35,6 +37,8 @@ pub fn fabrics() -> Table {
         let limit = f
             .strain_limit
             .map_or("-".to_owned(), |l| format!("{:.1}", l * 100.0));
+        let [warp, weft] = f.bending_length().map(|c| 100.0 * c);
+        let drape = f.drape().map(|[a, b]| format!("{a:.0}-{b:.0}"));
         table.row([
             f.name.clone(),
             format!("{:.0}", f.density * 1e3),
@@ -46,6 +50,8 @@ pub fn fabrics() -> Table {
             format!("{:.1}", f.bend_weft * 1e6),
             format!("{:.2}", f.friction),
             limit,
+            format!("{warp:.1} {weft:.1}"),
+            drape.unwrap_or_else(|| "-".into()),
             format!("{:?}", f.confidence).to_lowercase(),
             f.source.clone(),
         ]);

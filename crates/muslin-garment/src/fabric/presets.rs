@@ -26,6 +26,8 @@ struct Row {
     friction: f64,
     /// [%]
     limit: Option<f64>,
+    /// What `muslin bench cloth --only physics` finds: [`Fabric::drape`].
+    drape: Option<[f64; 2]>,
     source: &'static str,
     confidence: Confidence,
     /// sRGB as designers write it.
@@ -39,6 +41,11 @@ struct Row {
 
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
     ROWS.iter().map(|r| r.name)
+}
+
+/// [`Fabric::drape`] of a preset.
+pub(super) fn drape(name: &str) -> Option<[f64; 2]> {
+    ROWS.iter().find(|r| r.name == name)?.drape
 }
 
 pub(super) fn all() -> impl Iterator<Item = Fabric> {
@@ -96,6 +103,7 @@ const ROWS: [Row; 11] = [
         bend: [10.0, 7.0],
         friction: 0.35,
         limit: Some(6.0),
+        drape: Some([60.6, 63.8]),
         source: "within Penava 2014, Clyde 2017, Wang 2011, KES (shirtings 5-10 µN m); bending by its drape: 61-64 % (BS 5058, published 60-76); limit: Penava 2014 plain cotton 6.1 %",
         confidence: Confidence::Chosen,
         colour: 0xc4d5e8,
@@ -111,6 +119,7 @@ const ROWS: [Row; 11] = [
         bend: [5.0, 4.0],
         friction: 0.40,
         limit: Some(13.0),
+        drape: Some([31.0, 32.2]),
         source: "within Wang 2011 (interlock, rib knit); limit: Penava 2014 wool with lycra 13.4 %",
         confidence: Confidence::Chosen,
         colour: 0x2f6f73,
@@ -126,6 +135,7 @@ const ROWS: [Row; 11] = [
         bend: [1.0, 1.0],
         friction: 0.25,
         limit: Some(6.0),
+        drape: Some([33.0, 35.3]),
         source: "within Clyde 2017 (silk); bending by its drape: 33-35 % (BS 5058, published 20-40); limit: the 6 % that published silk presets use",
         confidence: Confidence::Chosen,
         colour: 0xe0c39f,
@@ -141,6 +151,7 @@ const ROWS: [Row; 11] = [
         bend: [8.5, 8.5],
         friction: 0.40,
         limit: Some(8.5),
+        drape: Some([44.7, 47.5]),
         source: "within Penava 2014, Clyde 2017; bending by its drape: 45-48 % (BS 5058, published 40-70); limit: Penava 2014 wool 8.5 %",
         confidence: Confidence::Chosen,
         colour: 0x43464d,
@@ -156,6 +167,7 @@ const ROWS: [Row; 11] = [
         bend: [60.0, 60.0],
         friction: 0.50,
         limit: Some(3.0),
+        drape: Some([78.6, 81.5]),
         source: "within Clyde 2017, Wang 2011 (denim, pants); limit: the 3 % that published denim presets use",
         confidence: Confidence::Chosen,
         colour: 0x2e4468,
@@ -171,6 +183,7 @@ const ROWS: [Row; 11] = [
         bend: [3.0, 3.0],
         friction: 0.25,
         limit: Some(6.0),
+        drape: Some([51.3, 55.2]),
         source: "within Wang 2011 (tablecloth); thickness: Penava 2014 by weight; limit: its polyester 6.5 %",
         confidence: Confidence::Chosen,
         colour: 0x6b2737,
@@ -186,6 +199,7 @@ const ROWS: [Row; 11] = [
         bend: [5.0, 5.0],
         friction: 0.25,
         limit: Some(5.0),
+        drape: Some([69.4, 71.6]),
         source: "no measured set found: between lining and shirting, stiffer in shear; limit likewise",
         confidence: Confidence::Chosen,
         colour: 0x6b7350,
@@ -201,6 +215,7 @@ const ROWS: [Row; 11] = [
         bend: [49.0, 49.0],
         friction: 0.35,
         limit: None,
+        drape: None,
         source: VDP,
         confidence: Confidence::Paper,
         colour: 0xd8d3c8,
@@ -216,6 +231,7 @@ const ROWS: [Row; 11] = [
         bend: [330.0, 330.0],
         friction: 0.25,
         limit: None,
+        drape: None,
         source: VDP,
         confidence: Confidence::Paper,
         colour: 0xe6d7c3,
@@ -231,6 +247,7 @@ const ROWS: [Row; 11] = [
         bend: [2.7, 2.7],
         friction: 0.40,
         limit: None,
+        drape: None,
         source: VDP,
         confidence: Confidence::Paper,
         colour: 0x8c8a86,
@@ -246,6 +263,7 @@ const ROWS: [Row; 11] = [
         bend: [9.9, 9.9],
         friction: 0.35,
         limit: None,
+        drape: None,
         source: SNUG,
         confidence: Confidence::Paper,
         colour: 0xd8d3c8,

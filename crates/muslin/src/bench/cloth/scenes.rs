@@ -262,7 +262,18 @@ const CLAMP: f64 = 1e4;
 
 /// The cloth at rest under its weight, from `start`; no vertex then moves faster than `still` [m/s].
 pub fn at_rest(cloth: &Cloth, start: &[DVec3], on: &Still, still: f64) -> Vec<DVec3> {
+    let usual = Options::default().iterations;
+    at_rest_by(usual, cloth, (start, on, still))
+}
+
+/// The same with so many iterations at most on each step's system.
+pub fn at_rest_by(
+    iterations: usize,
+    cloth: &Cloth,
+    (start, on, still): (&[DVec3], &Still, f64),
+) -> Vec<DVec3> {
     let options = Options {
+        iterations,
         first_steps: 0,
         last_steps: 4000,
         still,
