@@ -16,11 +16,11 @@ use crate::hero::{Hero, OURS, Standing, avatar_of, body_note, standing};
 use crate::options::{DressOptions, Wear};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
-use crate::simulate::SimulateOptions;
 use crate::simulate::files::{self, Folders, Made};
 use crate::simulate::motion;
 use crate::simulate::quality::{Quality, round};
 use crate::simulate::set::Set;
+use crate::simulate::{SimulateOptions, measured};
 use crate::size::Size;
 use crate::swings;
 use crate::table::Table;
@@ -32,7 +32,7 @@ use crate::watch::Watch;
 use muslin_garment::{Cut, Garment};
 
 use frames::{Played, play};
-pub(crate) use frames::{along, predict, refined};
+pub(crate) use frames::{along, predict};
 pub use options::AnimateOptions;
 
 /// How many stages an animation has.
@@ -371,14 +371,8 @@ impl<'a> Theatre<'a, '_> {
     ) -> Result<Outcome, Failure> {
         let level = self.options.motion_level.unwrap_or(1.0);
         let played = play((set, models), (self.options.refine, level), self.watch)?;
-        let Played {
-            mut reel,
-            raw,
-            again,
-        } = played;
-        let told = std::mem::take(&mut reel.told);
-        let clip = set.clip(reel);
-        let quality = Quality::measure(set, &clip, told);
+        let Played { reel, raw } = played;
+        let (clip, quality) = measured(set, reel);
         let refined = self.options.refine > 0;
         let mut r = Report::default();
         r.set("refine", self.options.refine);
@@ -386,7 +380,7 @@ impl<'a> Theatre<'a, '_> {
             r.set("motion_level", level);
         }
         r.set("checked", if refined { "exact" } else { "unchecked" });
-        r.set("frames_solved_again", again);
+        r.set("frames_solved_again", quality.again);
         r.set("raw_frames_a_second", raw.rate.round());
         r.set("raw_vertices_inside_percent", raw.inside);
         let notes = models.iter().map(|m| Value::Tree(notes(m)));
@@ -403,9 +397,10 @@ impl<'a> Theatre<'a, '_> {
         let crossed = quality.crossings.iter().filter(|n| **n > 0).count();
         let touching = quality.frames_with(|t| t.body_intersections > 0.0);
         let line = format!(
-            "{} frames, {:.0} ms each; {touching} with cloth in the body, {crossed} in itself, {again} solved again",
+            "{} frames, {:.0} ms each; {touching} with cloth in the body, {crossed} in itself, {} solved again",
             quality.told.len(),
-            quality.pace()[0]
+            quality.pace()[0],
+            quality.again
         );
         self.done(4, "cloth", line)?;
         let fault = quality.fault(self.options.simulate.dress.allow_crossings || !refined);
@@ -430,7 +425,7 @@ impl<'a> Theatre<'a, '_> {
         tell::colophon(&mut self.report);
         made.push(files::report(out, &self.report));
         folders.write(&made)?;
-        let table = table(&quality, (raw.rate, raw.inside, again), &made);
+        let table = table(&quality, (raw.rate, raw.inside), &made);
         Ok(Outcome::new(table, &self.report))
     }
 }
@@ -459,7 +454,7 @@ fn notes(model: &Model) -> Report {
     r
 }
 
-fn table(q: &Quality, (rate, inside, again): (f64, f64, usize), made: &[Made]) -> String {
+fn table(q: &Quality, (rate, inside): (f64, f64), made: &[Made]) -> String {
     let mut table = Table::new(&[]);
     table.row([
         "network",
@@ -477,7 +472,10 @@ fn table(q: &Quality, (rate, inside, again): (f64, f64, usize), made: &[Made]) -
     let crossed = q.crossings.iter().filter(|n| **n > 0).count();
     table.row([
         "contact",
-        &format!("{touching} frames with cloth in the body, {crossed} with cloth in cloth; {again} solved again"),
+        &format!(
+            "{touching} frames with cloth in the body, {crossed} with cloth in cloth; {} solved again",
+            q.again
+        ),
     ]);
     for (i, file) in made.iter().enumerate() {
         table.row([

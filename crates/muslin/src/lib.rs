@@ -5,6 +5,7 @@
 //! [`simulate()`] moves an outfit on a moving body. [`check()`] says whether jobs can use a file. [`evaluate()`] judges animated cloth. [`list`] tells what there is, [`bench`]
 //! measures it. Each job tells a [`Watch`] of its stages and fails with a [`Failure`].
 
+mod anew;
 mod animate;
 mod begin;
 pub mod bench;

@@ -31,6 +31,7 @@ use crate::watch::Watch;
 use files::{Folders, Made};
 use motion::Moving;
 use quality::{Quality, round};
+use reel::Reel;
 use set::{Set, megabytes};
 
 pub use bake::Bake;
@@ -76,11 +77,15 @@ fn shot(
     part: Option<(&Path, bool)>,
     watch: &mut Watch,
 ) -> Result<(Clip, Quality), Failure> {
-    let mut reel = shoot::shoot(set, part, watch)?;
-    let told = std::mem::take(&mut reel.told);
+    Ok(measured(set, shoot::shoot(set, part, watch)?))
+}
+
+/// Frames as they are delivered, and how good they are.
+pub(crate) fn measured(set: &Set, mut reel: Reel) -> (Clip, Quality) {
+    let told = (std::mem::take(&mut reel.told), reel.again);
     let clip = set.clip(reel);
     let quality = Quality::measure(set, &clip, told);
-    Ok((clip, quality))
+    (clip, quality)
 }
 
 /// Gets body, motion and outfit ready, and goes on with them.
@@ -249,9 +254,10 @@ fn line(q: &Quality) -> String {
     let touching = q.frames_with(|t| t.body_intersections > 0.0);
     let worst = q.strained.iter().map(|s| s.max).fold(0.0, f64::max);
     format!(
-        "{} frames, {:.0} ms each; {touching} with cloth in the body, {crossed} in itself, stretch {:.1} %",
+        "{} frames, {:.0} ms each; {touching} with cloth in the body, {crossed} in itself, {} solved again, stretch {:.1} %",
         q.told.len(),
         q.pace()[0],
+        q.again,
         worst * 100.0
     )
 }
@@ -293,7 +299,10 @@ fn table(report: &Report, q: &Quality, made: &[Made]) -> String {
     let crossed = q.crossings.iter().filter(|n| **n > 0).count();
     table.row([
         "contact",
-        &format!("{touching} frames with cloth in the body, {crossed} with cloth in cloth"),
+        &format!(
+            "{touching} frames with cloth in the body, {crossed} with cloth in cloth; {} solved again",
+            q.again
+        ),
     ]);
     let [median, worst] = q.pace();
     table.row([

@@ -7,14 +7,15 @@ use glam::DVec3;
 use muslin_body::Pose;
 use muslin_geom::{Mesh, Surface, intersecting_pairs};
 use muslin_model::{Model, Player};
-use muslin_sim::{Frame, Guesses, Options, Refined, Settled, drape, drape_while, refine};
+use muslin_sim::{Frame, Guesses, Options, Refined, Settled, drape_while, refine};
 use rayon::prelude::*;
 
+use crate::anew::{Solved, faults, once_more, reach};
 use crate::begin::begin;
-use crate::drape::{LAID, NEARLY_THERE, to_rest};
+use crate::drape::{LAID, NEARLY_THERE};
 use crate::failure::{Exit, Failure};
 use crate::layers::{Lead, Predicted, stacked};
-use crate::simulate::reel::{Reel, Told};
+use crate::simulate::reel::Reel;
 use crate::simulate::set::Set;
 use crate::wardrobe::Known;
 use crate::watch::Watch;
@@ -27,8 +28,6 @@ pub(crate) struct Played {
     pub reel: Reel,
     /// How the network did.
     pub raw: Raw,
-    /// Frames that were solved more than once.
-    pub again: usize,
 }
 
 /// The network alone.
@@ -44,8 +43,6 @@ pub(crate) struct Raw {
 /// Iterations on the linear system of a step: what they leave the next step finds again. With 40 in
 /// place of 15 a tee is led to the same energy, to a tenth of what is left, in twice the time.
 const ITERATIONS: usize = 15;
-/// Steps at the end of the way to a frame that is reached once more.
-const AGAIN: usize = 25;
 /// Predictions that are checked side by side, between two questions whether to go on.
 const SIDE: usize = 8;
 
@@ -82,70 +79,12 @@ pub(crate) fn play(
         }
     };
     if refine > 0 {
-        let bad: Vec<bool> = solved.iter().map(|s| s.faults > 0).collect();
-        let (many, mut i) = (bad.iter().filter(|b| **b).count(), 0);
-        inwards(&bad, |k| {
-            watch.go_on()?;
-            watch.progress(&format!(
-                "frame {k} once more, {i} of {many} that are not clean"
-            ));
-            i += 1;
-            reach(set, k, &mut solved)?;
-            Ok(solved[k].faults == 0)
-        })?;
+        once_more(set, &mut solved, watch)?;
     }
-    let (mut reel, mut again) = (Reel::default(), 0);
-    for s in solved {
-        again += usize::from(s.again);
-        reel.push(&s.cloth, &s.body, s.told);
-    }
-    Ok(Played { reel, raw, again })
-}
-
-pub(crate) struct Solved {
-    /// Positions [m].
-    pub cloth: Vec<DVec3>,
-    /// The body it lies on [m].
-    pub body: Vec<DVec3>,
-    /// What the solver said.
-    pub told: Told,
-    /// Pairs of triangles that meet and should not.
-    faults: usize,
-    again: bool,
-}
-
-impl Solved {
-    fn new(s: Settled, since: Instant, again: bool) -> Self {
-        Self {
-            faults: faults(&s),
-            told: Told {
-                yielded: s.yielded,
-                body_intersections: s.body_intersections as f64,
-                steps: s.steps as f64,
-                seconds: since.elapsed().as_secs_f64(),
-            },
-            cloth: s.verts,
-            body: s.body,
-            again,
-        }
-    }
-}
-
-impl From<Refined> for Solved {
-    fn from(r: Refined) -> Self {
-        Self {
-            faults: r.body_intersections + r.self_crossings,
-            told: Told {
-                yielded: r.yielded,
-                body_intersections: r.body_intersections as f64,
-                steps: r.steps as f64,
-                seconds: r.seconds,
-            },
-            cloth: r.verts,
-            body: r.body,
-            again: false,
-        }
-    }
+    Ok(Played {
+        reel: solved.into_iter().collect(),
+        raw,
+    })
 }
 
 /// Frames as predicted.
@@ -305,77 +244,6 @@ fn one_over_the_other((set, models): (&Set, &[Model]), flat: &[Vec<[f32; 3]>]) -
     }))
 }
 
-/// Tries frames that are bad, from both ends of every run of them inwards, for as long as each becomes good: the way to those
-/// behind one that does not leads through it.
-fn inwards(
-    bad: &[bool],
-    mut becomes_good: impl FnMut(usize) -> Result<bool, Failure>,
-) -> Result<(), Failure> {
-    let n = bad.len();
-    let mut next = 0;
-    while let Some(first) = (next..n).find(|k| bad[*k]) {
-        let end = (first..n).find(|k| !bad[*k]).unwrap_or(n);
-        let mut left = first;
-        // Nothing good lies before the first frame, unless nothing does anywhere.
-        if first > 0 || end == n {
-            while left < end && becomes_good(left)? {
-                left += 1;
-            }
-            // The one that failed.
-            left = (left + 1).min(end);
-        }
-        let mut right = end;
-        while end < n && right > left && becomes_good(right - 1)? {
-            right -= 1;
-        }
-        next = end;
-    }
-    Ok(())
-}
-
-/// Solves frame `k` from the nearest clean one, else from the rest pose.
-fn reach(set: &Set, k: usize, solved: &mut [Solved]) -> Result<(), Failure> {
-    let since = Instant::now();
-    let clean = (0..solved.len()).filter(|j| solved[*j].faults == 0);
-    let from = clean.min_by_key(|j| j.abs_diff(k));
-    let lead = set.moving.lead;
-    let (start, way): (&[DVec3], Vec<usize>) = match from {
-        Some(j) if j < k => (&solved[j].cloth, (j..=k).map(|i| lead + i).collect()),
-        Some(j) => (&solved[j].cloth, (k..=j).rev().map(|i| lead + i).collect()),
-        None => (&set.start, (0..=lead + k).collect()),
-    };
-    let path: Vec<Frame> = way.into_iter().map(|i| set.frame(i)).collect();
-    let settled = solve(set, start, (&path, AGAIN))?;
-    if faults(&settled) < solved[k].faults {
-        solved[k] = Solved::new(settled, since, true);
-    }
-    Ok(())
-}
-
-fn faults(s: &Settled) -> usize {
-    s.body_intersections + s.self_crossings
-}
-
-/// The cloth at `x` [m] after `k` steps of the solver on a still body, made clean and checked.
-pub(crate) fn refined(
-    set: &Set,
-    x: &[DVec3],
-    (body, k): (&Frame, usize),
-) -> Result<Settled, Failure> {
-    solve(set, x, (std::slice::from_ref(body), k))
-}
-
-/// What ends with a fault is tried a second time with more care.
-fn solve(set: &Set, x: &[DVec3], (path, k): (&[Frame], usize)) -> Result<Settled, Failure> {
-    let settled = drape(
-        &set.cloth,
-        x,
-        (path, set.avatar.collision_faces()),
-        &to_rest(k),
-    );
-    settled.map_err(|e| Failure::new(Exit::Numbers, "refine", e.to_string()))
-}
-
 /// Pairs of cloth and body triangles that meet.
 fn meeting(set: &Set, x: &[DVec3], skin: &[DVec3]) -> usize {
     let mesh = |verts: &[DVec3], faces: &[[u32; 3]]| Mesh {
@@ -440,34 +308,4 @@ pub(crate) fn predict(
         inside: 100.0 * inside as f64 / all as f64,
         frames,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Frames tried, in order, where those of `stay` do not become good.
-    fn tried(bad: &str, stay: &[usize]) -> Vec<usize> {
-        let bad: Vec<bool> = bad.chars().map(|c| c == 'x').collect();
-        let mut all = Vec::new();
-        let told = inwards(&bad, |k| {
-            all.push(k);
-            Ok(!stay.contains(&k))
-        });
-        told.expect("nobody stops it");
-        all
-    }
-
-    #[test]
-    fn frames_behind_one_that_stays_bad_are_tried_from_the_other_end() {
-        assert_eq!(tried("..xxx.x.", &[]), [2, 3, 4, 6]);
-        assert_eq!(tried("..xxxxx.", &[3]), [2, 3, 6, 5, 4]);
-        assert_eq!(tried("..xxxxx.", &[3, 5]), [2, 3, 6, 5]);
-        // No good frame before the first, or after the last.
-        assert_eq!(tried("xxx..", &[]), [2, 1, 0]);
-        assert_eq!(tried("xxx..", &[1]), [2, 1]);
-        assert_eq!(tried("..xxx", &[2]), [2]);
-        assert_eq!(tried("xxx", &[1]), [0, 1]);
-        assert_eq!(tried("....", &[]), [0; 0]);
-    }
 }

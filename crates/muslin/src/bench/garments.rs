@@ -13,8 +13,9 @@ use rayon::prelude::*;
 
 use super::clock::{least_of, load};
 use super::{fabrics, needed, sphere, swing};
+use crate::anew::refined;
 use crate::animate::{
-    along, as_trained, fits, model_failure, predict, read_model, refined, wants_character,
+    along, as_trained, fits, model_failure, predict, read_model, wants_character,
 };
 use crate::dress::asked_figure;
 use crate::evaluate::evaluate;

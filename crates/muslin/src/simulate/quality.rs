@@ -54,13 +54,15 @@ pub struct Quality {
     pub crossings: Vec<usize>,
     /// What the simulator told of each frame.
     pub told: Vec<Told>,
+    /// Frames that were reached once more.
+    pub again: usize,
     /// Pairs of cloth and a character's own triangles that meet, frame by frame; none on our own body.
     pub shown: Vec<usize>,
 }
 
 impl Quality {
     /// Measures the frames as they are delivered.
-    pub fn measure(set: &Set, clip: &Clip, told: Vec<Told>) -> Self {
+    pub fn measure(set: &Set, clip: &Clip, (told, again): (Vec<Told>, usize)) -> Self {
         let frames = clip.drape.frames.par_iter();
         let each: Vec<(Vec<[f64; 2]>, usize)> = frames
             .map(|x| {
@@ -109,6 +111,7 @@ impl Quality {
             strained: strained.collect(),
             crossings: each.iter().map(|e| e.1).collect(),
             told,
+            again,
             shown: set.hero.map(shown).unwrap_or_default(),
         }
     }
@@ -211,6 +214,7 @@ impl Quality {
             "self_crossings_max",
             self.crossings.iter().copied().max().unwrap_or(0),
         );
+        r.set("frames_solved_again", self.again);
         if !self.shown.is_empty() {
             let met = self.shown.iter().filter(|n| **n > 0).count();
             r.set("frames_with_character_intersections", met);
@@ -266,10 +270,9 @@ mod tests {
             seconds: 0.1,
         };
         Quality {
-            shown: Vec::new(),
             crossings: vec![0, crossings],
             told: vec![told(0.0), told(body)],
-            strained: Vec::new(),
+            ..Quality::default()
         }
     }
 

@@ -3,6 +3,8 @@
 use glam::DVec3;
 use muslin_sim::State;
 
+use crate::anew::Solved;
+
 /// What the simulator says of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Told {
@@ -26,6 +28,19 @@ pub struct Reel {
     pub body: Vec<Vec<DVec3>>,
     /// What was told of each.
     pub told: Vec<Told>,
+    /// How many were reached once more, which is not kept on disk.
+    pub again: usize,
+}
+
+impl FromIterator<Solved> for Reel {
+    fn from_iter<I: IntoIterator<Item = Solved>>(frames: I) -> Self {
+        let mut reel = Self::default();
+        for s in frames {
+            reel.again += usize::from(s.again);
+            reel.push(&s.cloth, &s.body, s.told);
+        }
+        reel
+    }
 }
 
 impl Reel {
@@ -40,6 +55,18 @@ impl Reel {
         self.cloth.push(single(cloth));
         self.body.push(single(body));
         self.told.push(told);
+    }
+
+    /// Every frame on its own.
+    pub fn into_frames(self) -> impl Iterator<Item = Solved> {
+        let frames = self.cloth.into_iter().zip(self.body).zip(self.told);
+        frames.map(|((cloth, body), told)| Solved {
+            faults: told.body_intersections as usize,
+            cloth,
+            body,
+            told,
+            again: false,
+        })
     }
 
     /// The frames from number `first` on, and where to go on from after them.

@@ -7,6 +7,7 @@ use std::time::Instant;
 use muslin_io::Journal;
 use muslin_sim::{Moment, Options, SimError, State, simulate_while};
 
+use crate::anew::{Solved, once_more};
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::watch::Watch;
@@ -14,7 +15,8 @@ use crate::watch::Watch;
 use super::reel::{Reel, Told};
 use super::set::Set;
 
-/// Simulates all frames, from where the file `part` ends if that is asked for.
+/// Simulates all frames, from where the file `part` ends if that is asked for; those in which cloth still meets the
+/// body are then reached once more.
 ///
 /// Every [`muslin_sim::CHECKPOINT`] frames, and at the end, what is new is added to `part`, if there is one.
 pub fn shoot(set: &Set, part: Option<(&Path, bool)>, watch: &mut Watch) -> Result<Reel, Failure> {
@@ -22,10 +24,17 @@ pub fn shoot(set: &Set, part: Option<(&Path, bool)>, watch: &mut Watch) -> Resul
         Some((part, true)) => Take::resume(set, part, watch)?,
         _ => Take::new(set, part.map(|p| p.0)),
     };
-    let state = take.state.take();
-    if take.reel.len() == set.moving.frames() {
-        return Ok(take.reel);
+    if take.reel.len() < set.moving.frames() {
+        film(set, &mut take, watch)?;
     }
+    let mut frames: Vec<Solved> = std::mem::take(&mut take.reel).into_frames().collect();
+    once_more(set, &mut frames, watch).map_err(|f| take.hint(f))?;
+    Ok(frames.into_iter().collect())
+}
+
+/// Adds all frames that are not there yet.
+fn film(set: &Set, take: &mut Take, watch: &mut Watch) -> Result<(), Failure> {
+    let state = take.state.take();
     let (rest, at) = (set.rest(), |k: usize| set.frame(k));
     let walk = set.walk(&rest, &at);
     watch.progress("on the way from the rest pose into the motion");
@@ -53,8 +62,7 @@ pub fn shoot(set: &Set, part: Option<(&Path, bool)>, watch: &mut Watch) -> Resul
         Err(e) => return Err(Failure::new(Exit::Numbers, "simulate", e.to_string())),
         Ok(()) => {}
     }
-    take.keep(None)?;
-    Ok(take.reel)
+    take.keep(None)
 }
 
 /// What there is so far, and its copy on disk.

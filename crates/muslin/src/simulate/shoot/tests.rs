@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use glam::DVec3;
 use muslin_body::{Avatar, Shape};
 
 use super::*;
@@ -73,6 +74,36 @@ fn a_stopped_simulation_goes_on_to_the_same_bits() {
     assert!(got.body == want.body, "the skin differs");
     // Everything is there now: nothing is simulated again.
     assert!(shoot(&set, Some((&part.0, true)), &mut Watch::nobody()).expect("there") == got);
+    assert_eq!(got.again, 0);
+    mended(&set, got);
+}
+
+/// A frame that meets the body is reached once more, from the one before it, and no other.
+fn mended(set: &Set, whole: Reel) {
+    let (part, k) = (place("mended"), 20);
+    let mut torn = whole.clone();
+    torn.cloth[k].iter_mut().for_each(|x| x.z -= 0.03);
+    torn.told[k].body_intersections = 90.0;
+    let mut journal = Journal::create(&part.0, head(set).as_bytes()).expect("writable");
+    journal.append(&torn.record(0, None)).expect("writable");
+    drop(journal);
+    let got = shoot(set, Some((&part.0, true)), &mut Watch::nobody()).expect("it is there");
+    assert_eq!(got.again, 1);
+    assert_eq!(got.told[k].body_intersections, 0.0);
+    for (i, (a, b)) in got.cloth.iter().zip(&whole.cloth).enumerate() {
+        assert!(i == k || a == b, "frame {i} was clean");
+    }
+    let off = |(a, b): (&DVec3, &DVec3)| a.distance(*b);
+    let mean = got.cloth[k]
+        .iter()
+        .zip(&whole.cloth[k])
+        .map(off)
+        .sum::<f64>()
+        / got.cloth[k].len() as f64;
+    assert!(
+        mean < 0.015,
+        "{mean} m from where it was before it was torn"
+    );
 }
 
 #[test]
