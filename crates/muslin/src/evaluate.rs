@@ -396,11 +396,8 @@ fn time((clip, still): (&Clip, Option<&Still>), frames: &[Frame]) -> Report {
         r.set("drift_on_still_body_mm_10s", 1000.0 * drift);
     }
     if let Some(still) = still {
-        still.tell(
-            &mut r,
-            &clip.drape.frames,
-            ["dynamic_content_mm", "swing_mm"],
-        );
+        let [content, swing] = still.content(&clip.drape.frames);
+        r.set("dynamic_content_mm", content).set("swing_mm", swing);
     }
     r
 }
@@ -445,11 +442,12 @@ fn compare(
     r.set("energy_gap_J", mean(gaps));
     r.set("their_acceleration_mean_m_s2", mean(accelerations));
     if let Some(still) = still {
-        still.tell(
-            &mut r,
-            &truth.drape.frames,
-            ["their_dynamic_content_mm", "their_swing_mm"],
-        );
+        let [content, swing] = still.content(&truth.drape.frames);
+        r.set("their_dynamic_content_mm", content)
+            .set("their_swing_mm", swing);
+        let own = still.content(&clip.drape.frames);
+        r.set("dynamic_content_of_theirs", own[0] / content)
+            .set("swing_of_theirs", own[1] / swing);
     }
     Ok(r)
 }

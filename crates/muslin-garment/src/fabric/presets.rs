@@ -94,7 +94,7 @@ fn linear(colour: u32) -> [f32; 3] {
 const VDP: &str = "Virtual Draping, table 1 (fibre moduli in a thin sheet); friction ours";
 const SNUG: &str = "SNUG, Santesteban et al. 2022, and its code; friction ours";
 
-const ROWS: [Row; 11] = [
+const ROWS: [Row; 13] = [
     Row {
         name: "cotton-shirting",
         weight: 130.0,
@@ -206,6 +206,38 @@ const ROWS: [Row; 11] = [
         weave: Weave::Plain,
         repeat: 0.4,
         shine: [0.1, 0.5],
+    },
+    Row {
+        name: "flag-polyester",
+        weight: 110.0,
+        thickness: 0.2,
+        stretch: [1200.0, 1000.0, 70.0],
+        bend: [1.1, 1.0],
+        friction: 0.30,
+        limit: Some(4.0),
+        drape: Some([30.3, 32.1]),
+        source: "within Wang 2011 (tablecloth, jacket of polyester); bending by its drape: 30-32 % (BS 5058, published for flags 20-40); limit: the 4 % that published flag presets use",
+        confidence: Confidence::Chosen,
+        colour: 0x9c3530,
+        weave: Weave::Plain,
+        repeat: 0.5,
+        shine: [0.15, 0.5],
+    },
+    Row {
+        name: "nappa-leather",
+        weight: 390.0,
+        thickness: 0.6,
+        stretch: [2600.0, 2200.0, 500.0],
+        bend: [20.0, 20.0],
+        friction: 0.50,
+        limit: Some(2.0),
+        drape: Some([54.7, 57.0]),
+        source: "no measured set found: stretch and shear a little below denim's; bending by its drape: 55-57 % (BS 5058, published for leather 47-70); limit: the 2 % that published leather presets use",
+        confidence: Confidence::Chosen,
+        colour: 0x3a2a22,
+        weave: Weave::Plain,
+        repeat: 0.3,
+        shine: [0.05, 0.45],
     },
     Row {
         name: "paper-vdp-cotton",

@@ -1,7 +1,7 @@
 //! What cloth does beyond where a body that stands still in each pose would leave it: its dynamic content.
 
 use glam::{DMat3, DVec3};
-use muslin_geom::{Report, vertex_normals};
+use muslin_geom::vertex_normals;
 use muslin_io::Clip;
 
 use super::frame::sound;
@@ -24,23 +24,21 @@ impl Still {
         })
     }
 
-    /// Tells how much cloth at `x` [m] does, frame after frame, that is not in the still one.
-    pub fn tell(&self, r: &mut Report, x: &[Vec<DVec3>], [content_mm, swing_mm]: [&str; 2]) {
+    /// How much cloth at `x` [m] does, frame after frame, that is not in the still one: its dynamic content, and its
+    /// swing, without what never changes [mm].
+    pub fn content(&self, x: &[Vec<DVec3>]) -> [f64; 2] {
         let finite = |x: &Vec<DVec3>| x.iter().all(|p| p.is_finite());
-        let both: Vec<usize> = (0..x.len())
-            .filter(|&t| self.sound[t] && finite(&x[t]))
+        let both = (0..x.len()).filter(|&t| self.sound[t] && finite(&x[t]));
+        let both: Vec<usize> = both.collect();
+        let still: Vec<Vec<DVec3>> = (both.iter().map(|&t| &self.clip.drape.frames[t]))
+            .cloned()
             .collect();
-        let still = both.iter().map(|&t| self.clip.drape.frames[t].clone());
-        let still: Vec<Vec<DVec3>> = still.collect();
         let x: Vec<Vec<DVec3>> = both.iter().map(|&t| x[t].clone()).collect();
-        let frames = still.iter().map(|s| frames(s, &self.clip.drape.faces));
-        let frames: Vec<Vec<DMat3>> = frames.collect();
+        let frames: Vec<Vec<DMat3>> =
+            (still.iter().map(|s| frames(s, &self.clip.drape.faces))).collect();
         let same = vec![vec![DMat3::IDENTITY; self.clip.n_verts()]; x.len()];
-        let off = apart(&x, &still, &same);
-        r.set(content_mm, 1000.0 * content(&off)).set(
-            swing_mm,
-            1000.0 * content(&without_mean(apart(&x, &still, &frames))),
-        );
+        let (all, own) = (apart(&x, &still, &same), beyond(&x, &still, &frames));
+        [all, own].map(|off| 1000.0 * content(&off))
     }
 }
 

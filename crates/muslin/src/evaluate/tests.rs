@@ -220,6 +220,8 @@ fn what_cloth_does_beyond_a_still_body_is_told_of_both_sides() {
         ("time", "swing_mm", 3.0),
         ("against", "their_dynamic_content_mm", 10.0),
         ("against", "their_swing_mm", 6.0),
+        ("against", "dynamic_content_of_theirs", 0.3),
+        ("against", "swing_of_theirs", 0.5),
     ] {
         let got = figure(&e, group, name);
         assert!((got - want).abs() < 1e-6, "{name}: {got} for {want}");

@@ -286,11 +286,13 @@ fn repeating() -> Vec<Verdict> {
 }
 
 /// Fabrics and their published drape coefficients [%].
-const CUSICK: [(&str, Option<[f64; 2]>); 7] = [
+const CUSICK: [(&str, Option<[f64; 2]>); 9] = [
     ("silk-charmeuse", Some([20.0, 40.0])),
     ("cotton-shirting", Some([60.0, 76.0])),
     ("wool-suiting", Some([40.0, 70.0])),
     ("denim", Some([70.0, 90.0])),
+    ("flag-polyester", Some([20.0, 40.0])),
+    ("nappa-leather", Some([47.0, 70.0])),
     ("cotton-jersey", None),
     ("polyester-lining", None),
     ("nylon-taffeta", None),
