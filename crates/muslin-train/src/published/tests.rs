@@ -345,8 +345,10 @@ fn the_recurrent_system_is_told_who_wears_it_and_plays_on_each_of_them() {
         Published::new(other.lessons(&CLASS), course, vec![CLASS.wave()]).expect("enough poses")
     };
     let mut trainer = new();
-    let told =
-        |w: usize| trainer.watched(w).batch(&trainer.clips, [[0, 5]; 16]).told[0][..32].to_vec();
+    let told = |w: usize| {
+        let watched = trainer.watched(w, &Chance::default());
+        watched.batch(&trainer.clips, [[0, 5]; 16]).told[0][..32].to_vec()
+    };
     assert!(told(0).iter().all(|x| *x == -1.0) && told(1).iter().all(|x| *x == 1.0));
     while trainer.steps() < 2 {
         trainer.step().expect("finite");
