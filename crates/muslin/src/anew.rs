@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use muslin_sim::{Frame, Refined, Settled, drape};
+use muslin_sim::{Frame, Refined, Settled, SimError, drape, drape_while};
 
 use crate::drape::to_rest;
 use crate::failure::{Exit, Failure};
@@ -76,7 +76,7 @@ pub(crate) fn once_more(
             "frame {k} once more, {i} of {many} that are not clean"
         ));
         i += 1;
-        reach(set, k, solved)?;
+        reach(set, k, solved, watch)?;
         Ok(solved[k].faults == 0)
     })
 }
@@ -110,7 +110,12 @@ fn inwards(
 }
 
 /// Solves frame `k` from the nearest clean one, else from the rest pose.
-pub(crate) fn reach(set: &Set, k: usize, solved: &mut [Solved]) -> Result<(), Failure> {
+pub(crate) fn reach(
+    set: &Set,
+    k: usize,
+    solved: &mut [Solved],
+    watch: &mut Watch,
+) -> Result<(), Failure> {
     let since = Instant::now();
     let clean = (0..solved.len()).filter(|j| solved[*j].faults == 0);
     let from = clean.min_by_key(|j| j.abs_diff(k));
@@ -121,7 +126,11 @@ pub(crate) fn reach(set: &Set, k: usize, solved: &mut [Solved]) -> Result<(), Fa
         None => (&set.start, (0..=lead + k).collect()),
     };
     let path: Vec<Frame> = way.into_iter().map(|i| set.frame(i)).collect();
-    let settled = solve(set, start, (&path, AGAIN))?;
+    let may_go_on = watch.may_go_on();
+    let body = (path.as_slice(), set.avatar.collision_faces());
+    let settled = drape_while(&set.cloth, start, body, (&to_rest(AGAIN), &may_go_on));
+    watch.go_on()?;
+    let settled = settled.map_err(|e| failure(&e))?;
     if faults(&settled) < solved[k].faults {
         solved[k] = Solved::new(settled, since, true);
     }
@@ -138,18 +147,12 @@ pub(crate) fn refined(
     x: &[DVec3],
     (body, k): (&Frame, usize),
 ) -> Result<Settled, Failure> {
-    solve(set, x, (std::slice::from_ref(body), k))
+    let body = (std::slice::from_ref(body), set.avatar.collision_faces());
+    drape(&set.cloth, x, body, &to_rest(k)).map_err(|e| failure(&e))
 }
 
-/// What ends with a fault is tried a second time with more care.
-fn solve(set: &Set, x: &[DVec3], (path, k): (&[Frame], usize)) -> Result<Settled, Failure> {
-    let settled = drape(
-        &set.cloth,
-        x,
-        (path, set.avatar.collision_faces()),
-        &to_rest(k),
-    );
-    settled.map_err(|e| Failure::new(Exit::Numbers, "refine", e.to_string()))
+fn failure(error: &SimError) -> Failure {
+    Failure::new(Exit::Numbers, "refine", error.to_string())
 }
 
 #[cfg(test)]

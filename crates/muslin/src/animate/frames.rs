@@ -187,7 +187,7 @@ fn begun(
         }
     }
     watch.progress("on the way from the rest pose into the motion");
-    reach(set, 0, first)?;
+    reach(set, 0, first, watch)?;
     Ok((first[0].faults == 0).then(|| first[0].cloth.clone()))
 }
 
