@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use muslin_sim::{Frame, Refined, Settled, SimError, drape, drape_while};
+use muslin_sim::{Frame, Refined, Settled, drape, drape_while};
 
 use crate::drape::to_rest;
 use crate::failure::{Exit, Failure};
@@ -130,9 +130,9 @@ pub(crate) fn reach(
     let body = (path.as_slice(), set.avatar.collision_faces());
     let settled = drape_while(&set.cloth, start, body, (&to_rest(AGAIN), &may_go_on));
     watch.go_on()?;
-    let settled = settled.map_err(|e| failure(&e))?;
-    if faults(&settled) < solved[k].faults {
-        solved[k] = Solved::new(settled, since, true);
+    // What a drape gives up, as too tight, stays as it is.
+    if let Some(better) = settled.ok().filter(|s| faults(s) < solved[k].faults) {
+        solved[k] = Solved::new(better, since, true);
     }
     Ok(())
 }
@@ -148,11 +148,8 @@ pub(crate) fn refined(
     (body, k): (&Frame, usize),
 ) -> Result<Settled, Failure> {
     let body = (std::slice::from_ref(body), set.avatar.collision_faces());
-    drape(&set.cloth, x, body, &to_rest(k)).map_err(|e| failure(&e))
-}
-
-fn failure(error: &SimError) -> Failure {
-    Failure::new(Exit::Numbers, "refine", error.to_string())
+    let settled = drape(&set.cloth, x, body, &to_rest(k));
+    settled.map_err(|e| Failure::new(Exit::Numbers, "refine", e.to_string()))
 }
 
 #[cfg(test)]

@@ -75,7 +75,7 @@ impl Course {
         }
     }
 
-    /// How long its windows are.
+    /// How long its windows are, where SNUG's state goes through `warm` poses first.
     pub(crate) fn span(&self, warm: usize) -> Span {
         let decoded = self.system.recipe().decoded;
         match self.system {

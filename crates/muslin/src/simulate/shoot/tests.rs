@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use glam::DVec3;
 use muslin_body::{Avatar, Shape};
 
 use super::*;
@@ -75,35 +74,36 @@ fn a_stopped_simulation_goes_on_to_the_same_bits() {
     // Everything is there now: nothing is simulated again.
     assert!(shoot(&set, Some((&part.0, true)), &mut Watch::nobody()).expect("there") == got);
     assert_eq!(got.again, 0);
-    mended(&set, got);
+    mended(set, got);
 }
 
-/// A frame that meets the body is reached once more, from the one before it, and no other.
-fn mended(set: &Set, whole: Reel) {
+/// A frame that meets the body is reached once more, from the one before it, and no other; where the solver gives up,
+/// as in cloth that is far too tight, it stays as it was.
+fn mended(mut set: Set, whole: Reel) {
     let (part, k) = (place("mended"), 20);
     let mut torn = whole.clone();
-    torn.cloth[k].iter_mut().for_each(|x| x.z -= 0.03);
+    let aside = |x: &mut glam::DVec3| x.z = f64::from((x.z - 0.03) as f32);
+    torn.cloth[k].iter_mut().for_each(aside);
     torn.told[k].body_intersections = 90.0;
-    let mut journal = Journal::create(&part.0, head(set).as_bytes()).expect("writable");
-    journal.append(&torn.record(0, None)).expect("writable");
-    drop(journal);
-    let got = shoot(set, Some((&part.0, true)), &mut Watch::nobody()).expect("it is there");
+    let reached = |set: &Set| {
+        let mut journal = Journal::create(&part.0, head(set).as_bytes()).expect("writable");
+        journal.append(&torn.record(0, None)).expect("writable");
+        drop(journal);
+        shoot(set, Some((&part.0, true)), &mut Watch::nobody()).expect("it is there")
+    };
+    let got = reached(&set);
     assert_eq!(got.again, 1);
     assert_eq!(got.told[k].body_intersections, 0.0);
     for (i, (a, b)) in got.cloth.iter().zip(&whole.cloth).enumerate() {
         assert!(i == k || a == b, "frame {i} was clean");
     }
-    let off = |(a, b): (&DVec3, &DVec3)| a.distance(*b);
-    let mean = got.cloth[k]
-        .iter()
-        .zip(&whole.cloth[k])
-        .map(off)
-        .sum::<f64>()
-        / got.cloth[k].len() as f64;
-    assert!(
-        mean < 0.015,
-        "{mean} m from where it was before it was torn"
-    );
+    let off = got.cloth[k].iter().zip(&whole.cloth[k]);
+    let off = off.map(|(a, b)| a.distance(*b)).sum::<f64>() / whole.cloth[k].len() as f64;
+    assert!(off < 0.015, "{off} m from where it was before it was torn");
+    let rest = set.cloth.rest.iter_mut().flatten();
+    rest.for_each(|p| *p *= 0.4);
+    let got = reached(&set);
+    assert!(got.again == 0 && got.cloth[k] == torn.cloth[k]);
 }
 
 #[test]
