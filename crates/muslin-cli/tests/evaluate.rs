@@ -111,7 +111,7 @@ fn what_cloth_does_beyond_a_still_body_is_told_here_and_there() {
     // What never changes is no swing.
     assert!(told("swing_mm") < 1e-3, "{json}");
     let gone = evaluate(&[&a, "--still", "gone.npz"]);
-    assert_eq!(gone.status.code(), Some(4));
+    assert_eq!(gone.status.code(), Some(5));
 }
 
 #[test]
