@@ -394,15 +394,7 @@ impl<'a> Theatre<'a, '_> {
                     .into(),
             ]);
         }
-        let crossed = quality.crossings.iter().filter(|n| **n > 0).count();
-        let touching = quality.frames_with(|t| t.body_intersections > 0.0);
-        let line = format!(
-            "{} frames, {:.0} ms each; {touching} with cloth in the body, {crossed} in itself, {} solved again",
-            quality.told.len(),
-            quality.pace()[0],
-            quality.again
-        );
-        self.done(4, "cloth", line)?;
+        self.done(4, "cloth", quality.line())?;
         let fault = quality.fault(self.options.simulate.dress.allow_crossings || !refined);
         if let Some(fault) = fault {
             let hint = "a larger --refine, or --allow-crossings to write the frames all the same";
@@ -468,15 +460,7 @@ fn table(q: &Quality, (rate, inside): (f64, f64), made: &[Made]) -> String {
         );
         table.row([s.name.as_str(), &told]);
     }
-    let touching = q.frames_with(|t| t.body_intersections > 0.0);
-    let crossed = q.crossings.iter().filter(|n| **n > 0).count();
-    table.row([
-        "contact",
-        &format!(
-            "{touching} frames with cloth in the body, {crossed} with cloth in cloth; {} solved again",
-            q.again
-        ),
-    ]);
+    table.row(["contact", &q.contact()]);
     for (i, file) in made.iter().enumerate() {
         table.row([
             if i == 0 { "wrote" } else { "" },

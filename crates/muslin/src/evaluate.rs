@@ -396,7 +396,7 @@ fn time((clip, still): (&Clip, Option<&Still>), frames: &[Frame]) -> Report {
         r.set("drift_on_still_body_mm_10s", 1000.0 * drift);
     }
     if let Some(still) = still {
-        let [content, swing] = still.content(&clip.drape.frames);
+        let [content, swing] = still.own;
         r.set("dynamic_content_mm", content).set("swing_mm", swing);
     }
     r
@@ -445,9 +445,8 @@ fn compare(
         let [content, swing] = still.content(&truth.drape.frames);
         r.set("their_dynamic_content_mm", content)
             .set("their_swing_mm", swing);
-        let own = still.content(&clip.drape.frames);
-        r.set("dynamic_content_of_theirs", own[0] / content)
-            .set("swing_of_theirs", own[1] / swing);
+        r.set("dynamic_content_of_theirs", still.own[0] / content)
+            .set("swing_of_theirs", still.own[1] / swing);
     }
     Ok(r)
 }

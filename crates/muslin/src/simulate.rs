@@ -250,16 +250,8 @@ fn part(out: &Path) -> PathBuf {
 
 /// The line of the cloth stage.
 fn line(q: &Quality) -> String {
-    let crossed = q.crossings.iter().filter(|n| **n > 0).count();
-    let touching = q.frames_with(|t| t.body_intersections > 0.0);
     let worst = q.strained.iter().map(|s| s.max).fold(0.0, f64::max);
-    format!(
-        "{} frames, {:.0} ms each; {touching} with cloth in the body, {crossed} in itself, {} solved again, stretch {:.1} %",
-        q.told.len(),
-        q.pace()[0],
-        q.again,
-        worst * 100.0
-    )
+    format!("{}, stretch {:.1} %", q.line(), worst * 100.0)
 }
 
 /// The line of the write stage.
@@ -295,15 +287,7 @@ fn table(report: &Report, q: &Quality, made: &[Made]) -> String {
         );
         table.row([s.name.as_str(), &told]);
     }
-    let touching = q.frames_with(|t| t.body_intersections > 0.0);
-    let crossed = q.crossings.iter().filter(|n| **n > 0).count();
-    table.row([
-        "contact",
-        &format!(
-            "{touching} frames with cloth in the body, {crossed} with cloth in cloth; {} solved again",
-            q.again
-        ),
-    ]);
+    table.row(["contact", &q.contact()]);
     let [median, worst] = q.pace();
     table.row([
         "speed",

@@ -282,11 +282,11 @@ impl Found {
     }
 
     fn in_body(&self) -> usize {
-        self.quality.frames_with(|t| t.body_intersections > 0.0)
+        self.quality.faulty()[0]
     }
 
     fn crossing(&self) -> usize {
-        self.quality.crossings.iter().filter(|n| **n > 0).count()
+        self.quality.faulty()[1]
     }
 
     fn is_clean(&self) -> bool {

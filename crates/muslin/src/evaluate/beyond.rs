@@ -8,37 +8,41 @@ use super::frame::sound;
 use super::same_cloth;
 use crate::failure::Failure;
 
-/// The same cloth in the same motion without swing, and which of its frames are finite.
+/// The same cloth in the same motion without swing.
 pub(super) struct Still {
     clip: Clip,
+    /// Which of its frames are finite.
     sound: Vec<bool>,
+    /// What the cloth itself does beyond it, as [`Still::content`] tells it.
+    pub own: [f64; 2],
 }
 
 impl Still {
     /// `still`: of the same cloth and motion as `clip`.
     pub fn of(clip: &Clip, still: Clip) -> Result<Self, Failure> {
         same_cloth(clip, &still, "--still")?;
-        Ok(Self {
+        let mut out = Self {
             sound: sound(&still),
             clip: still,
-        })
+            own: [f64::NAN; 2],
+        };
+        out.own = out.content(&clip.drape.frames);
+        Ok(out)
     }
 
     /// How much cloth at `x` [m] does, frame after frame, that is not in the still one: its dynamic content, and its
     /// swing, without what never changes [mm].
     pub fn content(&self, x: &[Vec<DVec3>]) -> [f64; 2] {
-        let finite = |x: &Vec<DVec3>| x.iter().all(|p| p.is_finite());
-        let both = (0..x.len()).filter(|&t| self.sound[t] && finite(&x[t]));
-        let both: Vec<usize> = both.collect();
-        let still: Vec<Vec<DVec3>> = (both.iter().map(|&t| &self.clip.drape.frames[t]))
-            .cloned()
-            .collect();
-        let x: Vec<Vec<DVec3>> = both.iter().map(|&t| x[t].clone()).collect();
-        let frames: Vec<Vec<DMat3>> =
-            (still.iter().map(|s| frames(s, &self.clip.drape.faces))).collect();
-        let same = vec![vec![DMat3::IDENTITY; self.clip.n_verts()]; x.len()];
-        let (all, own) = (apart(&x, &still, &same), beyond(&x, &still, &frames));
-        [all, own].map(|off| 1000.0 * content(&off))
+        let drape = &self.clip.drape;
+        let finite = |t: &usize| self.sound[*t] && x[*t].iter().all(|p| p.is_finite());
+        let seen = |t: usize| {
+            let still = &drape.frames[t];
+            apart(&x[t], still, &frames(still, &drape.faces))
+        };
+        let all: Vec<Vec<DVec3>> = (0..x.len()).filter(finite).map(seen).collect();
+        // Turns change no length.
+        let whole = content(&all);
+        [whole, content(&without_mean(all))].map(|c| 1000.0 * c)
     }
 }
 
@@ -67,17 +71,15 @@ pub(crate) fn beyond(
     still: &[Vec<DVec3>],
     turns: &[Vec<DMat3>],
 ) -> Vec<Vec<DVec3>> {
-    without_mean(apart(x, still, turns))
+    let frames = x.iter().zip(still).zip(turns);
+    without_mean(frames.map(|((x, y), turns)| apart(x, y, turns)).collect())
 }
 
-fn apart(x: &[Vec<DVec3>], still: &[Vec<DVec3>], turns: &[Vec<DMat3>]) -> Vec<Vec<DVec3>> {
-    let frames = x.iter().zip(still).zip(turns);
-    let one = |((x, y), turns): ((&Vec<DVec3>, &Vec<DVec3>), &Vec<DMat3>)| {
-        let each = x.iter().zip(y).zip(turns);
-        each.map(|((x, y), turn)| turn.transpose() * (*x - *y))
-            .collect()
-    };
-    frames.map(one).collect()
+/// What one frame does beyond another, as seen from that one's own turns.
+fn apart(x: &[DVec3], still: &[DVec3], turns: &[DMat3]) -> Vec<DVec3> {
+    let each = x.iter().zip(still).zip(turns);
+    each.map(|((x, y), turn)| turn.transpose() * (*x - *y))
+        .collect()
 }
 
 fn without_mean(mut x: Vec<Vec<DVec3>>) -> Vec<Vec<DVec3>> {

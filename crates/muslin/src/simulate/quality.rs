@@ -201,14 +201,40 @@ impl Quality {
         self.told.iter().filter(|t| is(t)).count()
     }
 
+    /// How many frames have cloth in the body, and how many cloth in cloth.
+    pub fn faulty(&self) -> [usize; 2] {
+        let touching = self.frames_with(|t| t.body_intersections > 0.0);
+        let crossed = self.crossings.iter().filter(|n| **n > 0).count();
+        [touching, crossed]
+    }
+
+    /// The line of the cloth stage.
+    pub fn line(&self) -> String {
+        let [touching, crossed] = self.faulty();
+        let [median, _] = self.pace();
+        format!(
+            "{} frames, {median:.0} ms each; {touching} with cloth in the body, {crossed} in itself, {} solved again",
+            self.told.len(),
+            self.again,
+        )
+    }
+
+    /// What the last words say of contact.
+    pub fn contact(&self) -> String {
+        let [touching, crossed] = self.faulty();
+        let again = self.again;
+        format!(
+            "{touching} frames with cloth in the body, {crossed} with cloth in cloth; {again} solved again"
+        )
+    }
+
     /// The figures for the report.
     pub fn report(&self) -> Report {
         let mut r = Report::default();
-        let touching = self.frames_with(|t| t.body_intersections > 0.0);
+        let [touching, crossed] = self.faulty();
         let most = self.told.iter().map(|t| t.body_intersections);
         r.set("frames_with_body_intersections", touching);
         r.set("body_intersections_max", most.fold(0.0, f64::max));
-        let crossed = self.crossings.iter().filter(|n| **n > 0).count();
         r.set("frames_with_self_crossings", crossed);
         r.set(
             "self_crossings_max",

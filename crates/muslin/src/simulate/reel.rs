@@ -57,7 +57,7 @@ impl Reel {
         self.told.push(told);
     }
 
-    /// Every frame on its own.
+    /// Every frame on its own. Whether cloth crosses itself is not known here: a frame's faults are those with the body.
     pub fn into_frames(self) -> impl Iterator<Item = Solved> {
         let frames = self.cloth.into_iter().zip(self.body).zip(self.told);
         frames.map(|((cloth, body), told)| Solved {
