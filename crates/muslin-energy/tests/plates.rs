@@ -4,47 +4,15 @@ mod patch;
 
 use glam::{DMat2, DVec2, DVec3};
 use muslin_energy::Local;
+use muslin_energy::check::states::{NO_FOLD, STAR, STATES, corners, crumpled, star};
 use muslin_energy::check::{self, Rng};
 use muslin_energy::hinge::Bend;
 use muslin_energy::plate::{self, Plate};
-use patch::{DENIM, NOTHING, STATES, tall};
-
-/// A triangle and its three neighbours.
-const STAR: [[u32; 3]; 4] = [[0, 1, 2], [1, 0, 3], [2, 1, 4], [0, 2, 5]];
-
-/// Corners of [`STAR`] as cut, 12 mm or so wide; one height in seven is a sliver's.
-fn cut(rng: &mut Rng) -> [DVec2; 6] {
-    let size = rng.scale(0.004, 0.03);
-    let heights = [(); 4].map(|()| tall(rng));
-    let own = [
-        DVec2::ZERO,
-        DVec2::X,
-        DVec2::new(rng.between(-0.2, 1.2), heights[0]),
-    ];
-    let mut apex = |i: usize, height: f64| {
-        let (from, to) = (own[i], own[(i + 1) % 3]);
-        let along = from + (to - from) * rng.between(0.0, 1.0);
-        along - (to - from).perp().normalize() * height
-    };
-    let others = [0, 1, 2].map(|i| apex(i, heights[i + 1]));
-    let turn = DMat2::from_angle(rng.between(-3.0, 3.0));
-    [own, others]
-        .concat()
-        .iter()
-        .map(|p| turn * *p * size)
-        .collect::<Vec<_>>()[..]
-        .try_into()
-        .expect("three and three")
-}
-
-fn corners(faces: &[[u32; 3]], points: &[DVec2]) -> Vec<[DVec2; 3]> {
-    let of = |f: &[u32; 3]| f.map(|v| points[v as usize]);
-    faces.iter().map(of).collect()
-}
+use patch::DENIM;
 
 /// The plate of the middle triangle, its rest, positions and step; one patch in three lacks neighbours.
 fn state(rng: &mut Rng) -> (Plate, [DVec2; 6], [DVec3; 6], f64) {
-    let points = cut(rng);
+    let points = star(rng);
     let kept = match rng.between(0.0, 1.0) {
         p if p < 0.15 => 2,
         p if p < 0.3 => 3,
@@ -52,9 +20,8 @@ fn state(rng: &mut Rng) -> (Plate, [DVec2; 6], [DVec3; 6], f64) {
     };
     let faces = &STAR[..kept];
     let plate = plate::plates(faces, &corners(faces, &points), |_| DENIM)[0].1;
-    let size = points[0].distance(points[1]);
-    let x = points.map(|p| p.extend(0.0) + rng.vector() * 0.3 * size);
-    (plate, points, x, 0.03 * size)
+    let x = crumpled(&points, rng);
+    (plate, points, x, 0.03 * points[0].distance(points[1]))
 }
 
 #[test]
@@ -81,8 +48,8 @@ fn it_is_never_indefinite_and_neither_turning_nor_shifting_changes_anything() {
         let here = law(&x);
         assert!(check::lowest_eigenvalue(&here) > -1e-9);
         assert!(check::asymmetry(&here) < 1e-9);
-        assert!(check::rigid_defect(law, &x, NOTHING, &mut rng) < 1e-6);
-        assert!(check::momentum_defect(&here, &x, NOTHING) < 1e-6);
+        assert!(check::rigid_defect(law, &x, NO_FOLD, &mut rng) < 1e-6);
+        assert!(check::momentum_defect(&here, &x, NO_FOLD) < 1e-6);
         assert_eq!(plate::gradient(&x, &plate), (here.energy, here.gradient));
         assert_eq!(plate::energy(&x, &plate), here.energy);
         let flat = points.map(|p| p.extend(0.4));
@@ -121,7 +88,7 @@ fn a_cylinder_along_any_direction_costs_what_the_fabric_says_whatever_the_grain(
 fn neighbours_cut_apart_or_on_another_grain_fold_as_if_they_were_one_piece() {
     let mut rng = Rng::new(3);
     for _ in 0..100 {
-        let points = cut(&mut rng);
+        let points = star(&mut rng);
         let whole = corners(&STAR, &points);
         let mut apart = whole.clone();
         for other in &mut apart[1..] {
@@ -147,7 +114,7 @@ fn neighbours_cut_apart_or_on_another_grain_fold_as_if_they_were_one_piece() {
 
 #[test]
 fn beside_softer_cloth_the_softer_one_folds_and_no_area_resists_nothing() {
-    let points = cut(&mut Rng::new(4));
+    let points = star(&mut Rng::new(4));
     let rest = corners(&STAR, &points);
     let soft = Bend {
         warp: 1e-6,
@@ -171,7 +138,7 @@ fn beside_softer_cloth_the_softer_one_folds_and_no_area_resists_nothing() {
 
 #[test]
 fn the_one_matrix_is_the_sum_of_all_plates() {
-    let points = cut(&mut Rng::new(5));
+    let points = star(&mut Rng::new(5));
     let rest = corners(&STAR, &points);
     let x = points.map(|p| p.extend(p.x * p.y / 0.01));
     let each: f64 = (plate::plates(&STAR, &rest, |_| DENIM).iter())

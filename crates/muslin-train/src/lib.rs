@@ -35,6 +35,8 @@ pub mod published;
 mod rows;
 mod skin;
 mod state;
+#[cfg(test)]
+mod suite;
 mod sway;
 #[cfg(test)]
 mod testing;

@@ -208,4 +208,6 @@ impl Touch {
 }
 
 #[cfg(test)]
+mod suite;
+#[cfg(test)]
 mod tests;
