@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use muslin::bench::{Trials, Walks};
 use muslin::{
     Against, AnimateOptions, Backdrop, Bake, Cut, DressOptions, EvaluateOptions, Person, Place,
-    SimulateOptions, Size, System, TrainOptions, Wear,
+    Precision, SimulateOptions, Size, StretchLaw, System, TrainOptions, Wear,
 };
 
 /// Dresses any body in moving cloth: from a photo to a 3D figure wearing draped garments.
@@ -318,9 +318,21 @@ pub struct Train {
     /// [default: 0.2].
     #[arg(long)]
     pub augment: Option<f64>,
+    /// How the cloth of ncs resists stretch [default: baraff-witkin].
+    #[arg(long, value_enum, value_name = "LAW")]
+    pub stretch: Option<StretchName>,
+    /// Learn skin weights as well, in pbns and ncs: for skirts, whose cloth no bone moves as it should.
+    #[arg(long)]
+    pub learn_skinning: bool,
+    /// Let outer garments of pbns not push those below them.
+    #[arg(long)]
+    pub stop_gradient: bool,
     /// Tell ncs how joints turn, but not where gravity pulls in their frames.
     #[arg(long)]
     pub without_gravity: bool,
+    /// Numbers in which the file has network and shapes [default: the smallest that change next to nothing].
+    #[arg(long, value_enum, value_name = "NUMBERS")]
+    pub weights: Option<WeightsName>,
     /// Motions that are not learnt from but judged at the end, named as with --motion.
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub check: Vec<String>,
@@ -453,6 +465,28 @@ pub enum SystemName {
     Snug,
     /// Neural Cloth Simulation (2022): still and moving codes, with a motion level.
     Ncs,
+}
+
+/// Names of [`StretchLaw`].
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum StretchName {
+    /// Springs along edges, 10 N/m.
+    MassSpring,
+    /// Saint Venant and Kirchhoff's law, 11.1 and 20.9 N/m.
+    Stvk,
+    /// Yarns, 10 N/m, and shear, 1 N/m.
+    BaraffWitkin,
+}
+
+/// Names of [`Precision`].
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum WeightsName {
+    /// 32-bit floats: as they were learnt.
+    F32,
+    /// 16-bit floats.
+    F16,
+    /// Shapes in 8-bit steps, if that moves no vertex by more than 0.5 mm; else as by default.
+    I8,
 }
 
 /// Names of [`Place`].
@@ -771,8 +805,12 @@ impl Train {
             warm: self.warm,
             without_gravity: self.without_gravity,
             augment: self.augment,
+            stretch: self.stretch.map(StretchLaw::from),
+            learn_skinning: self.learn_skinning,
+            stop_gradient: self.stop_gradient,
             fairness: self.fairness,
             relaxed: self.relax,
+            weights: self.weights.map(Precision::from),
             terms: self.terms.clone(),
             seed: self.seed,
             rate: self.rate,
@@ -827,6 +865,26 @@ impl From<SystemName> for System {
             SystemName::Pbns => System::Pbns,
             SystemName::Snug => System::Snug,
             SystemName::Ncs => System::Ncs,
+        }
+    }
+}
+
+impl From<WeightsName> for Precision {
+    fn from(name: WeightsName) -> Self {
+        match name {
+            WeightsName::F32 => Precision::Single,
+            WeightsName::F16 => Precision::Half,
+            WeightsName::I8 => Precision::Eight,
+        }
+    }
+}
+
+impl From<StretchName> for StretchLaw {
+    fn from(name: StretchName) -> Self {
+        match name {
+            StretchName::MassSpring => StretchLaw::MassSpring,
+            StretchName::Stvk => StretchLaw::StVk,
+            StretchName::BaraffWitkin => StretchLaw::BaraffWitkin,
         }
     }
 }

@@ -368,14 +368,44 @@ fn raw(folder: &Folder, model: &str, more: &[&str]) -> muslin_io::Clip {
 }
 
 #[test]
+fn a_file_has_the_numbers_that_are_asked_for_and_plays_alike_in_all_of_them() {
+    let folder = Folder::new("weights");
+    let model = folder.at("tee.muslin");
+    let written = |more: &[&str], kind: &str| {
+        let done = train(&model, &[&["--steps", "3"], more].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+        let report = std::fs::read_to_string(folder.at("tee.report.json")).expect("written");
+        let told = format!("\"shapes_in\": \"{kind}\"");
+        assert!(report.contains(&told), "{report}");
+        let bytes = std::fs::metadata(&model).expect("written").len();
+        (bytes, raw(&folder, &model, &[]).drape.frames)
+    };
+    let single = written(&["--weights", "f32"], "32-bit floats");
+    let half = written(&["--weights", "f16"], "16-bit floats");
+    let usual = written(&[], "12-bit steps");
+    let eight = written(&["--weights", "i8"], "8-bit steps");
+    assert!(single.0 > half.0 && half.0 > usual.0 && usual.0 > eight.0);
+    for (other, most) in [(half.1, 2e-5), (usual.1, 1e-4), (eight.1, 6e-4)] {
+        let pairs = single.1.iter().flatten().zip(other.iter().flatten());
+        let worst = pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        assert!(0.0 < worst && worst < most, "{worst} of {most}");
+    }
+    // Where shapes are large, bytes are too coarse.
+    let done = train(&model, &["--steps", "20", "--weights", "i8"]);
+    assert!(errors(&done).contains("12-bit steps"), "{}", errors(&done));
+    let refused = published("pbns", &model, &["--weights", "i8"]);
+    assert_eq!(refused.status.code(), Some(2), "{}", errors(&refused));
+}
+
+#[test]
 fn published_systems_are_taught_and_played_and_motion_has_a_level_where_it_is_told_apart() {
     let folder = Folder::new("published");
     for system in ["pbns", "snug", "ncs"] {
         let model = folder.at(&format!("{system}.muslin"));
         let own: &[&str] = match system {
-            "pbns" => &["--mixed", "0"],
+            "pbns" => &["--mixed", "0", "--learn-skinning", "--stop-gradient"],
             "snug" => &["--shape", "any"],
-            _ => &[],
+            _ => &["--stretch", "stvk", "--learn-skinning"],
         };
         let done = published(system, &model, &[&["--steps", "2"], own].concat());
         assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
@@ -454,6 +484,7 @@ fn options_of_another_trainer_are_refused_by_name() {
         ("pbns", "--layers", "5"),
         ("snug", "--augment", "0.1"),
         ("ncs", "--warm", "5"),
+        ("pbns", "--stretch", "stvk"),
         ("pbns", "--fairness", "1"),
         ("pbns", "--fabric", "any"),
         ("ncs", "--shape", "any"),
@@ -463,6 +494,11 @@ fn options_of_another_trainer_are_refused_by_name() {
         ("ncs", "--garment", "shorts,tee"),
     ] {
         let done = published(system, &out, &[option, value]);
+        assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
+        assert!(errors(&done).contains(option), "{}", errors(&done));
+    }
+    for (system, option) in [("snug", "--learn-skinning"), ("ncs", "--stop-gradient")] {
+        let done = published(system, &out, &[option]);
         assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
         assert!(errors(&done).contains(option), "{}", errors(&done));
     }

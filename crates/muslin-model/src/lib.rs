@@ -45,5 +45,6 @@ pub use error::ModelError;
 pub use model::{Model, Skin, Trait};
 pub use player::Player;
 pub use resizer::Resizer;
+pub use stored::Precision;
 pub use stream::Stream;
 pub use sway::{FOLLOWED, Sway, Wall};

@@ -4,19 +4,43 @@ use half::f16;
 use muslin_net::learn::{Mlp, Nonlinear};
 use muslin_net::{Array, Numbers, Weights};
 
-use crate::packed::{Packed, bytes_of, stepped, unpacked, unstepped};
+use crate::packed::{Packed, Steps, stepped, unstepped};
 use crate::{Encoder, FOLLOWED, Model, ModelError, Ncs, Resizer, Skin, Snug, Sway, Trait, Wall};
 
 /// What the notes say of the kind of file: with a network of our own, with one that a note names, with a
-/// network of our own that is told traits, with one of our own whose shapes are 12-bit steps, and with one that a
-/// note names and a resizer.
-const FORMATS: [&str; 5] = [
+/// network of our own that is told traits, with one of our own whose shapes are 12-bit steps, with one that a
+/// note names and a resizer, and with one of our own whose shapes are 8-bit steps.
+const FORMATS: [&str; 6] = [
     "muslin-garment 1",
     "muslin-garment 2",
     "muslin-garment 3",
     "muslin-garment 4",
     "muslin-garment 5",
+    "muslin-garment 6",
 ];
+
+/// In what numbers learnt shapes and the network are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// 32-bit floats: as they were learnt.
+    Single,
+    /// 16-bit floats.
+    Half,
+    /// The network in 16-bit floats, shapes in 12-bit steps, of a size of its own for every code and for every row; of a
+    /// network of our own alone.
+    Twelve,
+    /// The same in 8-bit steps.
+    Eight,
+}
+
+/// The steps of a kind of file whose shapes are counted in some.
+fn steps_of(format: &str) -> Option<Steps> {
+    match format {
+        f if f == FORMATS[3] => Some(Steps::Twelve),
+        f if f == FORMATS[5] => Some(Steps::Eight),
+        _ => None,
+    }
+}
 
 /// Whether a note names the network of a file of this kind.
 fn names_network(format: &str) -> bool {
@@ -163,9 +187,37 @@ impl Model {
         out
     }
 
-    /// As [`to_weights`](Self::to_weights), in less room: with a network of our own, learnt shapes are
-    /// 12-bit steps, of a size of its own for every code and for every row.
-    pub fn to_packed(&self) -> Weights {
+    /// As [`to_weights`](Self::to_weights), in numbers of such precision. Shapes of a network that is not our own are
+    /// never in steps, but in 16-bit floats.
+    pub fn to_weights_in(&self, precision: Precision) -> Weights {
+        match precision {
+            Precision::Single => self.singles(),
+            Precision::Half => self.to_weights(),
+            Precision::Twelve => self.packed(Steps::Twelve),
+            Precision::Eight => self.packed(Steps::Eight),
+        }
+    }
+
+    fn singles(&self) -> Weights {
+        let mut out = self.to_weights();
+        let mut whole = |name: &str, numbers: &[f32]| {
+            if let Some(array) = out.arrays.get_mut(name) {
+                array.numbers = Numbers::F32(numbers.to_vec());
+            }
+        };
+        whole("encoder.params", &self.params);
+        whole("modes", &self.modes);
+        if let Some(r) = &self.resizer {
+            whole("resizer.params", &r.params);
+            whole("resizer.modes", &r.modes);
+        }
+        if let Some(s) = &self.sway {
+            whole("sway.means", &s.means);
+        }
+        out
+    }
+
+    fn packed(&self, fine: Steps) -> Weights {
         let mut out = self.to_weights();
         if !matches!(self.encoder, Encoder::Plain(_)) {
             return out;
@@ -177,12 +229,20 @@ impl Model {
             .collect();
         let still = self.modes.iter().skip(k).step_by(k + 1);
         let still = still.map(|x| f16::from_f32(*x).to_bits()).collect();
-        let packed = Packed::new(&posed, k);
-        out.notes.insert("format".into(), FORMATS[3].into());
+        let packed = Packed::new(&posed, k, fine);
+        let format = match fine {
+            Steps::Twelve => FORMATS[3],
+            Steps::Eight => FORMATS[5],
+        };
+        out.notes.insert("format".into(), format.into());
         let mut add = |name: &str, shape: &[usize], numbers| {
             out.arrays.insert(name.into(), Array::new(shape, numbers));
         };
-        add("modes", &[rows, bytes_of(k)], Numbers::U8(packed.bytes));
+        add(
+            "modes",
+            &[rows, fine.bytes_of(k)],
+            Numbers::U8(packed.bytes),
+        );
         add("modes.steps", &[k], Numbers::F32(packed.steps));
         add("modes.rows", &[rows], Numbers::F16(packed.rows));
         add("modes.still", &[rows], Numbers::F16(still));
@@ -221,9 +281,9 @@ impl Model {
                 false => Encoder::Plain(from.mlp("encoder.widths")?),
             },
             params: from.f32s("encoder.params")?,
-            modes: match format == FORMATS[3] {
-                true => from.modes()?,
-                false => from.f32s("modes")?,
+            modes: match steps_of(format) {
+                Some(fine) => from.modes(fine)?,
+                None => from.f32s("modes")?,
             },
             sway: from.sway()?,
             resizer: match format == FORMATS[4] {
@@ -420,10 +480,10 @@ impl<'a> From<'a> {
     }
 
     /// Learnt shapes that are packed.
-    fn modes(&self) -> Result<Vec<f32>, ModelError> {
+    fn modes(&self, fine: Steps) -> Result<Vec<f32>, ModelError> {
         let (rows, steps) = (self.f32s("modes.rows")?, self.f32s("modes.steps")?);
         let (still, bytes) = (self.f32s("modes.still")?, self.bytes("modes")?);
-        let wide = bytes_of(steps.len());
+        let wide = fine.bytes_of(steps.len());
         for (name, len, want) in [
             ("modes.still", still.len(), rows.len()),
             ("modes", bytes.len(), rows.len() * wide),
@@ -434,7 +494,7 @@ impl<'a> From<'a> {
         }
         let mut out = Vec::with_capacity(rows.len() * (steps.len() + 1));
         for (v, (row, still)) in rows.iter().zip(still).enumerate() {
-            let counts = unpacked(&bytes[v * wide..(v + 1) * wide]);
+            let counts = fine.read(&bytes[v * wide..(v + 1) * wide]);
             out.extend(steps.iter().zip(counts).map(|(s, count)| count * s * row));
             out.push(still);
         }

@@ -295,10 +295,19 @@ impl School<'_, '_> {
                 model.sway = swings::swings((avatar, figure), lies, &model.bones)?;
             }
             model.notes = self.notes((class, k), (&model.faces, &sources), &last);
-            let (weights, off) = small::stored((&model, avatar), (&class.pupils, &shown))?;
-            let bytes = write_weights(&weights);
-            if let Some(off) = off {
+            let learnt_from = (&class.pupils[..], &shown[..]);
+            let stored = small::stored((&model, avatar), learnt_from, self.options.weights)?;
+            let bytes = write_weights(&stored.weights);
+            let shapes = small::name(stored.precision);
+            self.report.set("shapes_in", shapes);
+            if let Some(off) = stored.off {
                 self.report.set("off_in_file_mm", off * 1e3);
+            }
+            if let (Some(far), Some(_)) = (stored.too_far, self.options.weights) {
+                self.watch.warn(&format!(
+                    "steps as coarse as asked for move a vertex by {:.1} mm; shapes are written as {shapes}",
+                    far * 1e3
+                ));
             }
             list.push(format!(
                 "{} {:.1} MB",

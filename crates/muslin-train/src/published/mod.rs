@@ -14,6 +14,7 @@ mod net;
 mod recipe;
 mod resizer;
 mod sheet;
+mod skinning;
 mod snug;
 mod state;
 #[cfg(test)]
@@ -22,5 +23,5 @@ mod trainer;
 mod wearer;
 mod work;
 
-pub use recipe::{Isotropic, System};
+pub use recipe::{Isotropic, StretchLaw, System};
 pub use trainer::{Course, Published};

@@ -58,7 +58,37 @@ pub struct Isotropic {
     pub density: f64,
 }
 
+/// What NCS may be taught to resist stretch by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StretchLaw {
+    /// Springs along edges.
+    MassSpring,
+    /// Saint Venant and Kirchhoff's.
+    StVk,
+    /// Baraff and Witkin's, of yarns and shear: that of its sample configuration.
+    BaraffWitkin,
+}
+
+impl StretchLaw {
+    /// With the constants of the published configuration.
+    fn stretch(self) -> Stretch {
+        match self {
+            Self::MassSpring => Stretch::Edges(10.0),
+            Self::StVk => Stretch::StVk(11.1, 20.9),
+            Self::BaraffWitkin => Stretch::Yarns(10.0, 1.0),
+        }
+    }
+}
+
 impl Recipe {
+    /// The same, where cloth resists stretch by another law.
+    pub(crate) fn by(self, law: StretchLaw) -> Self {
+        Self {
+            stretch: law.stretch(),
+            ..self
+        }
+    }
+
     /// The same, where cloth stretches, bends and weighs as `sheet` does.
     pub(crate) fn of_sheet(self, sheet: &Isotropic) -> Self {
         let (k, nu) = (sheet.stretch, sheet.poisson);

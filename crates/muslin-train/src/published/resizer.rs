@@ -121,7 +121,7 @@ impl Resizing {
                 .map(at)
                 .collect();
             let met = Met::alone(wearer, skin, &points(&x, 0));
-            let mut asked = ask(&RESIZER, (&wearer.sheet, &met), (&x, &d));
+            let mut asked = ask(&RESIZER, (&wearer.sheet, &met, false), (&x, &d));
             for (v, force) in std::mem::take(&mut asked.held) {
                 force.add_to(&mut asked.g, v);
             }

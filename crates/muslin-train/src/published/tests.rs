@@ -10,7 +10,7 @@ use muslin_net::learn::Noise;
 use super::clips::{Batch, Frame};
 use super::net::Chance;
 use super::work::Work;
-use super::{Course, Published, System};
+use super::{Course, Published, StretchLaw, System};
 use crate::Training;
 use crate::lanes::Row;
 use crate::testing::{Class, HEAVY, Other, go_on_alike};
@@ -75,8 +75,10 @@ fn ratio(trainer: &mut Published, batch: &Batch, span: std::ops::Range<usize>) -
     let mut at = |sign: f64| {
         let moved = trainer.now.params[span.clone()].iter_mut().zip(gradient);
         moved.for_each(|(p, g)| *p += (sign * step * f64::from(*g)) as f32);
+        trainer.bind();
         let cost = work(trainer, batch, &chance).energies.total();
         trainer.now.params.clone_from(&old);
+        trainer.bind();
         cost
     };
     (at(1.0) - at(-1.0)) / (2.0 * step * norm * norm)
@@ -96,6 +98,63 @@ fn the_gradients_are_those_of_the_cost_in_the_network_and_in_the_shapes() {
             assert!((ratio - 1.0).abs() < 0.03, "{system:?} {span:?}: {ratio}");
         }
     }
+}
+
+#[test]
+fn skin_weights_that_are_learnt_have_the_slopes_of_the_cost_and_play_and_go_on_as_the_rest() {
+    for system in [System::Pbns, System::Ncs] {
+        let binding = || {
+            let mut trainer = trainer(Course {
+                rate: 2e-4,
+                skinning: true,
+                ..Course::of(system)
+            });
+            trainer.wearers[0].sheet.pins = vec![3, 7];
+            trainer
+        };
+        let (mut first, mut again) = (binding(), binding());
+        let before = first.skin.clone();
+        for _ in 0..2 {
+            first.step().expect("finite");
+        }
+        assert!(first.skin != before, "{system:?} learns them");
+        again.restore(&first.keep()).expect("of the same training");
+        assert!(again.skin == first.skin);
+        go_on_alike([&mut first, &mut again], 3);
+        let model = first.model(Default::default());
+        assert_eq!(model.check(), Ok(()));
+        plays_as_learnt(&first, &model, (0, &CLASS.figure));
+        first.wearers[0].sheet.mass.fill(0.0);
+        let batch = batch(&first);
+        let [network, shapes, bound] = first.parts().map(<[f32]>::len);
+        for span in [
+            network..network + shapes,
+            network + shapes..network + shapes + bound,
+        ] {
+            let ratio = ratio(&mut first, &batch, span.clone());
+            assert!((ratio - 1.0).abs() < 0.03, "{system:?} {span:?}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn ncs_resists_stretch_by_the_law_that_is_asked_for() {
+    let cost = |stretch| {
+        let trainer = trainer(Course {
+            stretch,
+            ..Course::of(System::Ncs)
+        });
+        let batch = batch(&trainer);
+        work(&trainer, &batch, &Chance::default()).energies.membrane
+    };
+    let [springs, stvk, yarns] = [
+        StretchLaw::MassSpring,
+        StretchLaw::StVk,
+        StretchLaw::BaraffWitkin,
+    ]
+    .map(cost);
+    assert!(springs != stvk && stvk != yarns && yarns != springs);
+    assert!([springs, stvk, yarns].iter().all(|e| *e > 0.0));
 }
 
 #[test]
@@ -411,7 +470,13 @@ fn layers_push_each_other_as_their_cost_says_and_no_force_is_lost() {
     let without = work(&trainer, &batch, &Chance::default());
     assert_eq!(layers.len(), 1);
     assert!(with.energies.contact > 2.0 * without.energies.contact);
-    assert!(with.slopes[inner.clone()] != without.slopes[inner]);
+    assert!(with.slopes[inner.clone()] != without.slopes[inner.clone()]);
+    // Where the outer shirt does not push, the inner one does not feel it, which costs as much.
+    trainer.wearers[0].layers = layers;
+    trainer.course.one_way = true;
+    let one_way = work(&trainer, &batch, &Chance::default());
+    assert_eq!(one_way.energies.contact, with.energies.contact);
+    assert!(one_way.slopes[inner.clone()] == without.slopes[inner]);
 }
 
 #[test]

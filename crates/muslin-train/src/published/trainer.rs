@@ -11,8 +11,9 @@ use muslin_net::learn::{Adam, AdamState, Noise};
 use super::clips::{Clips, Span, Watched};
 use super::gravity;
 use super::net::{self, Chance};
-use super::recipe::{Isotropic, NCS_WINDOW, Recipe, System, sizes};
+use super::recipe::{Isotropic, NCS_WINDOW, Recipe, StretchLaw, System, sizes};
 use super::resizer::{Resized, Resizing};
+use super::skinning::Skinning;
 use super::wearer::Wearer;
 use crate::lanes::LANES;
 use crate::lesson::Lesson;
@@ -44,6 +45,12 @@ pub struct Course {
     pub augmented: f64,
     /// SNUG: the cloth it is taught in, its own cotton if none is said.
     pub sheet: Option<Isotropic>,
+    /// NCS: how its cloth resists stretch.
+    pub stretch: StretchLaw,
+    /// PBNS and NCS: whether skin weights are learnt as well.
+    pub skinning: bool,
+    /// PBNS: whether outer cloth does not push the cloth below it (`stop_gradient`).
+    pub one_way: bool,
     /// Where random numbers start.
     pub seed: u64,
 }
@@ -62,6 +69,9 @@ impl Course {
             gravity: true,
             augmented: 0.2,
             sheet: None,
+            stretch: StretchLaw::BaraffWitkin,
+            skinning: false,
+            one_way: false,
             seed: 1,
         }
     }
@@ -71,6 +81,7 @@ impl Course {
         let own = *self.system.recipe();
         match &self.sheet {
             Some(sheet) if self.system == System::Snug => own.of_sheet(sheet),
+            _ if self.system == System::Ncs => own.by(self.stretch),
             _ => own,
         }
     }
@@ -111,7 +122,10 @@ pub struct Published<'a> {
     pub(crate) resizing: Option<Resizing>,
     pub(crate) course: Course,
     pub(crate) clips: Clips,
+    /// The skin weights as they are now.
     pub(crate) skin: Skin,
+    /// How they are learnt, where they are.
+    pub(crate) skinning: Option<Skinning>,
     pub(crate) encoder: Encoder,
     traits: Vec<Trait>,
     bones: Vec<String>,
@@ -125,7 +139,8 @@ pub struct Published<'a> {
 pub(crate) struct Now {
     pub step: u64,
     pub noise: Noise,
-    /// The network's, then the learnt shapes: a row for every coordinate of every vertex.
+    /// The network's, then the learnt shapes: a row for every coordinate of every vertex; then what skin weights follow
+    /// from, where they are learnt.
     pub params: Vec<f32>,
     pub adam: AdamState,
     /// Windows yet to come in this round, last first.
@@ -173,11 +188,15 @@ impl<'a> Published<'a> {
         }
         let codes = encoder.n_codes() + usize::from(recipe.has_constant);
         params.resize(params.len() + 3 * lesson.template.len() * codes, 0.0);
+        let learns_skin = course.skinning && course.system != System::Snug;
+        let skinning = learns_skin.then(|| Skinning::new(course.system, &skin, rig.len()));
+        params.extend(skinning.iter().flat_map(Skinning::start));
         let resizes = course.system == System::Pbns && wearers.len() > 1;
         let resizing = resizes.then(|| Resizing::new(&wearers, &traits, &mut noise));
         let (resizing, resized) = resizing.unzip();
-        Ok(Self {
+        let mut out = Self {
             resizing,
+            skinning,
             now: Now {
                 resized: resized.unwrap_or_default(),
                 step: 0,
@@ -196,7 +215,24 @@ impl<'a> Published<'a> {
             traits,
             drivers,
             rig,
-        })
+        };
+        out.bind();
+        Ok(out)
+    }
+
+    /// The parameters of the network, the learnt shapes, and what skin weights follow from.
+    pub(crate) fn parts(&self) -> [&[f32]; 3] {
+        let (network, rest) = self.now.params.split_at(self.encoder.n_params());
+        let bound = self.skinning.as_ref().map_or(0, Skinning::len);
+        let (modes, skin) = rest.split_at(rest.len() - bound);
+        [network, modes, skin]
+    }
+
+    /// Binds the cloth as it was learnt to be bound by now.
+    pub(crate) fn bind(&mut self) {
+        let [_, _, numbers] = self.parts();
+        let skin = self.skinning.as_ref().map(|s| s.skin(numbers));
+        self.skin = skin.unwrap_or_else(|| std::mem::take(&mut self.skin));
     }
 
     /// How many windows there are to learn from.
@@ -335,6 +371,7 @@ impl Training for Published<'_> {
             ..Adam::default()
         };
         adam.step(&mut self.now.adam, &mut self.now.params, &work.slopes);
+        self.bind();
         Ok(told)
     }
 
@@ -360,7 +397,7 @@ impl Training for Published<'_> {
     }
 
     fn model(&self, notes: BTreeMap<String, String>) -> Model {
-        let (network, shapes) = self.now.params.split_at(self.encoder.n_params());
+        let [network, shapes, _] = self.parts();
         let codes = self.encoder.n_codes();
         let own = codes + usize::from(self.course.system.recipe().has_constant);
         let mut modes = Vec::with_capacity(shapes.len() / own * (codes + 1));
@@ -395,6 +432,7 @@ impl Training for Published<'_> {
 
     fn restore(&mut self, kept: &Weights) -> Result<(), TrainError> {
         self.now = super::state::restored(self, kept)?;
+        self.bind();
         Ok(())
     }
 }

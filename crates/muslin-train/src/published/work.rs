@@ -76,7 +76,8 @@ impl Published<'_> {
             .map(|(k, skins)| {
                 let x = &guess.x[first + k];
                 let met = Met::new(wearer, skins, x);
-                ask(recipe, (&wearer.sheet, &met), (x, &guess.rest[first + k]))
+                let asked = (&x[..], &guess.rest[first + k][..]);
+                ask(recipe, (&wearer.sheet, &met, self.course.one_way), asked)
             })
             .collect();
         let share = 1.0 / recipe.judged as f64;
@@ -94,14 +95,14 @@ impl Published<'_> {
         }
         work.broken = asked.iter().find_map(|a| broken(&a.g));
         if work.broken.is_none() {
-            self.slopes(judged, (&guess, &mut asked), &mut work.slopes);
+            self.slopes(judged, (batch.wearer, &guess, &mut asked), &mut work);
         }
         work
     }
 
     /// What the network makes of a batch.
     fn guess(&self, batch: &Batch, chance: &Chance) -> Guess {
-        let (network, modes) = self.now.params.split_at(self.encoder.n_params());
+        let [network, modes, _] = self.parts();
         let told = (batch.told.as_slice(), batch.frames.len());
         let (mut codes, tape) = net::forward(&self.encoder, network, told, chance);
         if self.course.system.recipe().has_constant {
@@ -131,16 +132,26 @@ impl Published<'_> {
     fn slopes(
         &self,
         frames: &[Frame],
-        (guess, asked): (&Guess, &mut [Asked]),
-        slopes: &mut Vec<f32>,
+        (who, guess, asked): (usize, &Guess, &mut [Asked]),
+        work: &mut Work,
     ) {
+        let [network, modes, bound] = self.parts();
+        let slopes = &mut work.slopes;
         slopes.resize(self.now.params.len(), 0.0);
-        let (network, modes) = self.now.params.split_at(self.encoder.n_params());
-        let (d_network, d_modes) = slopes.split_at_mut(network.len());
+        let (d_network, rest) = slopes.split_at_mut(network.len());
+        let (d_modes, d_bound) = rest.split_at_mut(modes.len());
         let first = guess.codes.len() - frames.len();
         let (rows, k) = (guess.x[0].len(), guess.codes[0].len() / LANES);
         let mut d_codes = Vec::new();
-        for ((a, frame), codes) in asked.iter_mut().zip(frames).zip(&guess.codes[first..]) {
+        let all = asked.iter_mut().zip(frames).zip(&guess.codes[first..]);
+        for (((a, frame), codes), d) in all.zip(&guess.rest[first..]) {
+            if self.skinning.is_some() {
+                let laid = (&*self.laid(who), &d[..]);
+                pulp::Arch::new().dispatch(
+                    #[inline(always)]
+                    || unbind(frame, laid, &a.g, d_bound),
+                );
+            }
             pulp::Arch::new().dispatch(
                 #[inline(always)]
                 || self.bring_back(frame, a),
@@ -161,6 +172,10 @@ impl Published<'_> {
         );
         if let (Encoder::Ncs(n), false) = (&self.encoder, self.course.gravity) {
             gravity::deafen(n, d_network);
+        }
+        if let Some(skinning) = &self.skinning {
+            let pins = &self.wearers[who].sheet.pins;
+            work.energies.pins += skinning.slopes(bound, pins, d_bound);
         }
     }
 
@@ -224,15 +239,16 @@ impl Published<'_> {
 /// The still laws at positions `x`, which come of the corrections `d`.
 pub(crate) fn ask(
     recipe: &Recipe,
-    (sheet, met): (&Sheet, &Met),
+    (sheet, met, one_way): (&Sheet, &Met, bool),
     (x, d): (&[Row], &[Row]),
 ) -> Asked {
-    let mut push = vec![[0.0; LANES]; if met.on.is_empty() { 0 } else { x.len() / 3 }];
+    let on = if one_way { &[][..] } else { &met.on };
+    let mut push = vec![[0.0; LANES]; if on.is_empty() { 0 } else { x.len() / 3 }];
     let mut asked = pulp::Arch::new().dispatch(
         #[inline(always)]
         || sum(recipe, (sheet, &met.walls), (x, d), &mut push),
     );
-    for (on, lane) in &met.on {
+    for (on, lane) in on {
         hand_back((on, *lane), (&met.walls, &push), &mut asked.g);
     }
     asked
@@ -287,6 +303,21 @@ fn sum(
         under: mean(under) / (x.len() / 3) as f64,
         g,
         held,
+    }
+}
+
+/// Adds what every bone's weight in every vertex does to the cost, where the cloth lies at rest as `laid` and by so much
+/// more [m], and is pulled by `g` [N].
+#[inline(always)]
+fn unbind(frame: &Frame, (laid, d): (&[[f32; 3]], &[Row]), g: &[Row], out: &mut [f32]) {
+    let n = frame.bones.len();
+    for ((v, t), out) in laid.iter().enumerate().zip(out.chunks_exact_mut(n)) {
+        let (d, g) = (Vec3::of(d, v as u32), Vec3::of(g, v as u32));
+        let p = Vec3([0, 1, 2].map(|i| d.0[i] + t[i]));
+        for (out, bone) in out.iter_mut().zip(&frame.bones) {
+            let there = skin::carry(&bone.map(Lane), p);
+            *out += there.dot(g).sum() as f32;
+        }
     }
 }
 

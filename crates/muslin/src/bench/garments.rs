@@ -182,7 +182,7 @@ impl Kind {
     /// Whether it can be told of a model.
     fn fits(self, model: &Model) -> bool {
         match self {
-            Self::Swing(_) => swings::are_ours(model),
+            Self::Swing(_) => swings::are_ours(model) || model.has_motion_level(),
             Self::Fabrics => fabrics::knows_any(model),
             Self::Rest(_) | Self::Speed => true,
         }

@@ -37,7 +37,10 @@ pub(super) fn rows(
     let set_at = |fps: f64| set((who, model), (clip, fps, worn), Some(SECONDS));
     let mut here = set_at(FPS)?;
     let told = here.told(0, model.clone())?;
-    let swinging = swings::swinging(told, (here.avatar, &here.figure), &here.cloth)?;
+    let swinging = match swings::are_ours(&told) {
+        true => swings::swinging(told, (here.avatar, &here.figure), &here.cloth)?,
+        false => told,
+    };
     let still = predict((&here, slice::from_ref(&swinging)), (0.0, usize::MAX))?.frames;
     let raw = predict((&here, slice::from_ref(&swinging)), (1.0, usize::MAX))?.frames;
     let poses = here.moving.motion.poses.clone();

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use muslin_body::motions;
 use muslin_garment::Fabric;
-use muslin_train::published::{Course, Isotropic, System};
+use muslin_model::Precision;
+use muslin_train::published::{Course, Isotropic, StretchLaw, System};
 use muslin_train::{Place, Plan};
 
 use crate::failure::{Exit, Failure};
@@ -51,10 +52,18 @@ pub struct TrainOptions {
     pub warm: Option<usize>,
     /// Share of the samples whose motions NCS exchanges; 0.2 if not said.
     pub augment: Option<f64>,
+    /// How the cloth of NCS resists stretch; by yarns and shear if not said.
+    pub stretch: Option<StretchLaw>,
+    /// Whether PBNS or NCS learns skin weights as well.
+    pub learn_skinning: bool,
+    /// Whether PBNS's outer garments do not push those below.
+    pub stop_gradient: bool,
     /// How steeply poses that cost much count for less in our own training; 1.5 if not said.
     pub fairness: Option<f64>,
     /// Steps that cloth goes by itself in our own training before it is learnt from; none if not said.
     pub relaxed: Option<usize>,
+    /// In what numbers the file has network and shapes; the smallest that change next to nothing if not said.
+    pub weights: Option<Precision>,
     /// The terms of the files that are learnt from, as the model is to say them.
     pub terms: Option<String>,
     /// Where random numbers start.
@@ -94,8 +103,12 @@ impl Default for TrainOptions {
             layers: None,
             warm: None,
             augment: None,
+            stretch: None,
+            learn_skinning: false,
+            stop_gradient: false,
             fairness: None,
             relaxed: None,
+            weights: None,
             terms: None,
             seed: Plan::default().seed,
             rate: None,
@@ -188,6 +201,26 @@ impl TrainOptions {
                 "--augment",
                 self.augment.is_some() && !is(System::Ncs),
                 "ncs",
+            ),
+            (
+                "--stretch",
+                self.stretch.is_some() && !is(System::Ncs),
+                "ncs",
+            ),
+            (
+                "--learn-skinning",
+                self.learn_skinning && !(is(System::Pbns) || is(System::Ncs)),
+                "pbns and ncs",
+            ),
+            (
+                "--stop-gradient",
+                self.stop_gradient && !is(System::Pbns),
+                "pbns",
+            ),
+            (
+                "--weights i8",
+                self.weights == Some(Precision::Eight) && self.system.is_some(),
+                ours,
             ),
             (
                 "--fairness",
@@ -331,6 +364,9 @@ impl TrainOptions {
             augmented: self.augment.unwrap_or(usual.augmented),
             sheet: (system == System::Snug && fabric.name != PAPER_FABRIC)
                 .then(|| isotropic(fabric)),
+            stretch: self.stretch.unwrap_or(usual.stretch),
+            skinning: self.learn_skinning,
+            one_way: self.stop_gradient,
             seed: self.seed,
             ..usual
         }

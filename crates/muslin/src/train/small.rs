@@ -1,7 +1,7 @@
 //! A model's file: as small as its frames allow.
 
 use muslin_body::{Avatar, Motion, Pose};
-use muslin_model::{Model, ModelError};
+use muslin_model::{Model, ModelError, Precision};
 use muslin_net::Weights;
 
 use super::lessons::Pupil;
@@ -27,27 +27,67 @@ pub(super) fn shown(motions: &[Motion]) -> Vec<Pose> {
     some(&all, POSES).map(|p| (*p).clone()).collect()
 }
 
-/// The arrays of a model, packed if that moves no vertex far from where 16-bit floats have it, and how far at most
-/// [m]: on those who were learnt from, in these poses.
+/// A model as arrays.
+pub(super) struct Stored {
+    pub weights: Weights,
+    pub precision: Precision,
+    /// How far packing its shapes moves a vertex from where 16-bit floats have it, at most [m], where they are packed.
+    pub off: Option<f64>,
+    /// The same of what was asked for and moves one too far.
+    pub too_far: Option<f64>,
+}
+
+/// The arrays of a model in numbers of the precision that is asked for, of 12-bit steps if none is; but shapes are in
+/// steps only where that moves no vertex far: on those who were learnt from, in these poses.
 pub(super) fn stored(
     (model, avatar): (&Model, &Avatar),
     (pupils, poses): (&[Pupil], &[Pose]),
-) -> Result<(Weights, Option<f64>), Failure> {
-    let whole = model.to_weights();
-    if !swings::are_ours(model) {
-        return Ok((whole, None));
-    }
-    let small = model.to_packed();
+    asked: Option<Precision>,
+) -> Result<Stored, Failure> {
     let read = |w: &Weights| Model::from_weights(w).map_err(|e| model_failure(&e));
-    let (read, usual) = (read(&small)?, read(&whole)?);
-    let mut worst = 0.0f64;
-    for pupil in some(pupils, WEARERS) {
-        let apart = apart((&usual, &read), (avatar, pupil), poses);
-        worst = worst.max(apart.map_err(|e| model_failure(&e))?);
+    let mut too_far = None;
+    let finer = match (asked, swings::are_ours(model)) {
+        (Some(Precision::Single), _) => &[Precision::Single][..],
+        (Some(Precision::Half), _) | (_, false) => &[Precision::Half],
+        (Some(Precision::Eight), true) => &[Precision::Eight, Precision::Twelve],
+        (Some(Precision::Twelve) | None, true) => &[Precision::Twelve],
+    };
+    for &precision in finer {
+        let weights = model.to_weights_in(precision);
+        let mut worst = None;
+        if matches!(precision, Precision::Eight | Precision::Twelve) {
+            let (read, usual) = (read(&weights)?, read(&model.to_weights())?);
+            for pupil in some(pupils, WEARERS) {
+                let apart = apart((&usual, &read), (avatar, pupil), poses);
+                let apart = apart.map_err(|e| model_failure(&e))?;
+                worst = Some(apart.max(worst.unwrap_or(0.0)));
+            }
+        }
+        if worst.is_none_or(|off| off <= MOST) {
+            return Ok(Stored {
+                weights,
+                precision,
+                off: worst,
+                too_far,
+            });
+        }
+        too_far = too_far.or(worst);
     }
-    match worst <= MOST {
-        true => Ok((small, Some(worst))),
-        false => Ok((whole, None)),
+    Ok(Stored {
+        weights: model.to_weights(),
+        precision: Precision::Half,
+        off: None,
+        too_far,
+    })
+}
+
+/// What numbers of a precision are called.
+pub(super) fn name(precision: Precision) -> &'static str {
+    match precision {
+        Precision::Single => "32-bit floats",
+        Precision::Half => "16-bit floats",
+        Precision::Twelve => "12-bit steps",
+        Precision::Eight => "8-bit steps",
     }
 }
 
