@@ -1,6 +1,6 @@
 //! `cargo xtask assets wardrobe CMU_DIR [NAME ...]`: the trained garments that come with the program;
-//! `cargo xtask assets swings`: the same, and how they swing found anew; and `cargo xtask assets garments`: all of them,
-//! as they are cut.
+//! `cargo xtask assets swings`: the same, and how they swing found anew; `cargo xtask assets terms`: the same, and the terms
+//! of what they learnt from stated anew; and `cargo xtask assets garments`: all of them, as they are cut.
 //!
 //! Each learns by `muslin train` from the built-in motions, from nine recordings of the CMU Graphics Lab
 //! Motion Capture Database, and from poses mixed of both. Nothing was simulated.
@@ -30,6 +30,9 @@ const MOTIONS: [&str; 9] = [
 const RECORDINGS: [&str; 9] = [
     "07_01", "55_01", "91_48", "91_49", "91_50", "91_51", "91_52", "91_53", "91_54",
 ];
+/// Under what terms, as a model's notes say it.
+const TERMS: &str = "the terms of the CMU Graphics Lab Motion Capture Database (mocap.cs.cmu.edu, funded by NSF \
+                     EIA-0196217): free for any use, also in products, not to be resold as motion data";
 /// For whom, and of how many poses, shown and mixed.
 const HOW: [&str; 10] = [
     "--fabric", "any", "--shape", "any", "--sizes", "any", "--poses", "600", "--mixed", "1400",
@@ -57,18 +60,23 @@ const FOLDER: &str = "assets/wardrobe";
 
 /// Cuts the garments, for whom nobody should wait later.
 pub fn cut() -> Outcome {
-    keep("cuts")
+    keep(&["cuts", FOLDER])
 }
 
 /// Finds anew how the trained garments swing, which nobody teaches.
 pub fn swing() -> Outcome {
-    keep("swings")
+    keep(&["swings", FOLDER])
 }
 
-fn keep(what: &str) -> Outcome {
+/// States anew under what terms the recordings are that the trained garments learnt from.
+pub fn terms() -> Outcome {
+    keep(&["terms", FOLDER, TERMS])
+}
+
+fn keep(what: &[&str]) -> Outcome {
     let mut run = Command::new("cargo");
     run.args(["run", "--release", "--package", "muslin", "--example"]);
-    done(run.args(["keep_wardrobe", "--", what, FOLDER]))
+    done(run.args(["keep_wardrobe", "--"]).args(what))
 }
 
 fn done(command: &mut Command) -> Outcome {
@@ -121,6 +129,7 @@ fn teach(name: &str, (recordings, model): (&[PathBuf], &Path), how: &[OsString])
     let mut train = Command::new("cargo");
     train.args(["run", "--release", "--package", "muslin-cli", "--"]);
     train.args(["train", "--garment", name]).args(HOW).args(how);
+    train.args(["--terms", TERMS]);
     MOTIONS.iter().for_each(|m| {
         train.args(["--motion", m]);
     });

@@ -22,7 +22,7 @@ mod wheel;
 
 use std::process::ExitCode;
 
-const USAGE: &str = "usage: cargo xtask ci | walls | assets body|garments|pose|swings|wardrobe | check body|ccd|cuda|gltf|npz|pose | peers [ARGS]";
+const USAGE: &str = "usage: cargo xtask ci | walls | assets body|garments|pose|swings|terms|wardrobe | check body|ccd|cuda|gltf|npz|pose | peers [ARGS]";
 
 /// Every job says in words what went wrong.
 pub(crate) type Outcome = Result<(), String>;
@@ -47,6 +47,7 @@ fn run(words: &[&str]) -> Outcome {
         ["assets", "garments"] => assets_wardrobe::cut(),
         ["assets", "pose", rest @ ..] => assets_pose::build(rest.first().copied()),
         ["assets", "swings"] => assets_wardrobe::swing(),
+        ["assets", "terms"] => assets_wardrobe::terms(),
         ["assets", "wardrobe", rest @ ..] => assets_wardrobe::build(rest),
         ["check", "body", rest @ ..] => check_body::run(rest),
         ["check", "ccd", rest @ ..] => check_ccd::run(rest),

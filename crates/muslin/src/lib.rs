@@ -54,5 +54,5 @@ pub use simulate::{Bake, SimulateOptions, simulate, simulate_several};
 pub use size::Size;
 pub use table::Table;
 pub use train::{TrainOptions, train};
-pub use wardrobe::swung_anew;
+pub use wardrobe::{swung_anew, under_terms};
 pub use watch::{Stage, Watch};

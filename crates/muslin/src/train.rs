@@ -45,8 +45,8 @@ pub use options::TrainOptions;
 use pace::Pace;
 use safe::Safe;
 use sketch::Sketch;
-pub(crate) use told::topology;
-use told::{Learnt, energies, table};
+pub(crate) use told::{Learnt, topology};
+use told::{energies, table};
 
 /// How many stages a training has.
 const STAGES: usize = 5;

@@ -18,7 +18,7 @@ use crate::layers::{Lead, Predicted, stacked};
 use crate::outfit::{Outfit, Piece};
 use crate::simulate::SimulateOptions;
 use crate::swings;
-use crate::train::topology;
+use crate::train::{Learnt, topology};
 use crate::traits;
 
 /// Models by the name of their garment, made by `cargo xtask assets wardrobe`.
@@ -75,6 +75,25 @@ pub fn swung_anew() -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         Ok((*name, write_weights(&weights)))
     };
     TAUGHT.par_iter().map(one).collect()
+}
+
+/// The trained garments as they are, but that their notes say these `terms` of the recordings that they learnt from.
+/// `cargo xtask assets terms` keeps them.
+pub fn under_terms(terms: &str) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
+    let one = |(name, bytes): &(&'static str, &[u8])| {
+        let mut weights = read_weights(name, bytes).map_err(|e| file_failure(&e))?;
+        let sources = weights.notes.get("trained_on").map(|s| s.split("; "));
+        let sources: Vec<String> = sources.into_iter().flatten().map(str::to_owned).collect();
+        let learnt = Learnt {
+            is_character: false,
+            garment: name,
+            sources: &sources,
+            terms: Some(terms),
+        };
+        weights.notes.insert("licence".into(), learnt.licence());
+        Ok((*name, write_weights(&weights)))
+    };
+    TAUGHT.iter().map(one).collect()
 }
 
 /// Seconds between poses of which there is only one.
@@ -229,6 +248,28 @@ mod tests {
             assert!(taught(&made).is_some(), "{name}");
             let other = outfit(&avatar, name, 0.02);
             assert!(taught(&other).is_none(), "{name} of other triangles");
+        }
+    }
+
+    #[test]
+    fn every_model_says_whose_recordings_it_learnt_from_and_that_is_all_that_stating_them_changes()
+    {
+        let anew = under_terms("terms of somebody else").expect("sound files");
+        for ((name, bytes), (again, stated)) in TAUGHT.iter().zip(&anew) {
+            assert_eq!(name, again);
+            let [old, mut new] = [*bytes, stated].map(|b| read_weights(name, b).expect(name));
+            let licence = new
+                .notes
+                .insert("licence".into(), old.notes["licence"].clone());
+            assert!(
+                licence
+                    .expect("it has one")
+                    .ends_with("under terms of somebody else")
+            );
+            assert!(
+                old == new && old.notes["licence"].contains("mocap.cs.cmu.edu"),
+                "{name}"
+            );
         }
     }
 

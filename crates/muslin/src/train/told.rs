@@ -30,7 +30,7 @@ pub(crate) fn topology(faces: &[[u32; 3]]) -> String {
 }
 
 /// What was learnt from, and what its owners ask.
-pub(super) struct Learnt<'a> {
+pub(crate) struct Learnt<'a> {
     /// Whether the body is a character's.
     pub is_character: bool,
     /// The garment, one of ours or a file's.
