@@ -47,8 +47,8 @@ pub(crate) struct Lying {
     /// The plane that it lies on; far off where it lies on none.
     pub plane: [Row; 4],
     /// Corners of the triangle, and their shares of the nearest point; none where it lies on none.
-    corners: [[u32; 3]; LANES],
-    shares: [[f32; 3]; LANES],
+    pub corners: [[u32; 3]; LANES],
+    pub shares: [[f32; 3]; LANES],
 }
 
 /// The outer garments of a cloth that lies at `template` [m] at rest, each over all that it is worn over.

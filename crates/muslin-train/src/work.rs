@@ -1,5 +1,7 @@
 //! One pack: prediction, laws, and the way back to the parameters.
 
+#[cfg(test)]
+mod double;
 mod let_go;
 
 use muslin_net::learn::{MlpTape, View, multiply};
