@@ -187,6 +187,20 @@ impl Problem<'_> {
         blocks
     }
 
+    /// Moves all of the cloth by as much as what `moves` from `x` [m] leave unsolved took of its momentum, where nothing
+    /// but weight acts on it from outside: within it, forces add up to nothing wherever it is.
+    fn keep_momentum(&self, x: &[DVec3], moves: &mut [DVec3]) {
+        if self.is_calm || self.drag.is_some() || !self.touches.is_empty() || !self.pins.is_empty()
+        {
+            return;
+        }
+        let mass = &self.weave.mass;
+        let off = |i: usize| (x[i] + moves[i] - self.target[i]) * mass[i];
+        let off: DVec3 = (0..x.len()).map(off).sum();
+        let shift = self.gravity * (self.step * self.step) - off / mass.iter().sum::<f64>();
+        moves.iter_mut().for_each(|m| *m += shift);
+    }
+
     /// A displacement from `x`, where the energy may be known [J], that lowers it; none if nothing
     /// finite was found. `kept`: see [`crate::coarse::Far::new`].
     pub fn descend(
@@ -198,6 +212,7 @@ impl Problem<'_> {
         let (gradient, matrix, pairs) = self.assemble(x);
         let down: Vec<DVec3> = gradient.iter().map(|g| -*g).collect();
         let (mut moves, _) = matrix.solve(&down, effort, kept);
+        self.keep_momentum(x, &mut moves);
         let first = energy.unwrap_or_else(|| self.energy(x));
         // Conjugate gradients end where the model falls by half of what its slope says.
         let work = ordered::sum(x.len(), |range| range.map(|i| down[i].dot(moves[i])).sum());

@@ -90,6 +90,15 @@ impl Weave {
         let [a, b, c] = self.faces[face];
         [x[a as usize], x[b as usize], x[c as usize]]
     }
+
+    /// The velocities `v` [m/s], all changed alike, so that they have the momentum of `of`.
+    pub fn with_momentum_of(&self, of: &[DVec3], mut v: Vec<DVec3>) -> Vec<DVec3> {
+        let each = of.iter().zip(&v).zip(&self.mass);
+        let lost: DVec3 = each.map(|((of, v), m)| (*of - *v) * *m).sum();
+        let change = lost / self.mass.iter().sum::<f64>();
+        v.iter_mut().for_each(|v| *v += change);
+        v
+    }
 }
 
 /// Share of the limit at which the wall begins; the lower, the softer its approach.

@@ -135,6 +135,60 @@ fn a_sheet_falls_freely_past_ten_metres_a_second() {
 }
 
 #[test]
+fn a_sheet_that_tumbles_and_quivers_in_flight_keeps_its_momentum() {
+    let (cloth, mut verts) = sheet(10, 0.0);
+    // Not as cut, and every vertex goes its own way.
+    for (i, p) in verts.iter_mut().enumerate() {
+        p.y += 0.01 * (1.7 * i as f64).sin();
+    }
+    let spin = DVec3::new(2.0, 1.0, -3.0);
+    let way = |(i, p): (usize, &DVec3)| {
+        let own = DVec3::new((0.9 * i as f64).sin(), (2.1 * i as f64).cos(), 0.3) * 0.5;
+        DVec3::new(1.0, 0.5, 2.0) + spin.cross(*p) + own
+    };
+    let state = State {
+        velocities: verts.iter().enumerate().map(way).collect(),
+        ..at_rest(verts.clone())
+    };
+    let mut mass = vec![0.0; verts.len()];
+    for (face, rest) in cloth.faces.iter().zip(&cloth.rest) {
+        let area = 0.5 * (rest[1] - rest[0]).perp_dot(rest[2] - rest[0]).abs();
+        face.iter().for_each(|v| mass[*v as usize] += area);
+    }
+    let whole = mass.iter().sum::<f64>();
+    let middle = |x: &[DVec3]| x.iter().zip(&mass).map(|(x, m)| *x * *m).sum::<DVec3>() / whole;
+    let (ball, faces) = capsule(DVec3::Y * -90.0, DVec3::Y * -89.0, 0.1, 8);
+    let walk = Walk {
+        faces: &faces,
+        rest: &ball,
+        frames: 21,
+        lead: 0,
+        fps: 60.0,
+        at: &|_| ball.clone().into(),
+    };
+    for second_order in [false, true] {
+        let options = Options {
+            gravity: DVec3::ZERO,
+            air: Air::NONE,
+            second_order,
+            ..Options::default()
+        };
+        let mut at = vec![middle(&verts)];
+        let run = simulate(&cloth, (&verts, Some(&state)), (&walk, &options), |m| {
+            at.push(middle(m.verts));
+            ControlFlow::Continue(())
+        });
+        run.expect("a valid scene");
+        let went = middle(&state.velocities) / 60.0;
+        for step in at.windows(2) {
+            let off = (step[1] - step[0] - went).length() / went.length();
+            assert!(off < 1e-9, "{second_order}: {off:e}");
+        }
+        assert_eq!(at.len(), 21);
+    }
+}
+
+#[test]
 fn in_air_a_level_sheet_falls_as_fast_as_its_weight_and_the_wind_say() {
     // Where ½ ρ C v² is the weight of a square metre: C is 0.6.
     let weight = cotton().density * 9.81;

@@ -284,7 +284,11 @@ impl Stage<'_> {
         self.v = if pace.smooth {
             near.smoothed(raw, SMOOTHINGS)
         } else {
-            near.smoother(&raw, (h / RUB).min(1.0))
+            let calmed = near.smoother(&raw, (h / RUB).min(1.0));
+            match met.touches.is_empty() && self.pins.is_empty() {
+                true => self.weave.with_momentum_of(&raw, calmed),
+                false => calmed,
+            }
         };
         if !pace.smooth {
             // Who is not pushed goes where he is drawn to, however near the skin.
