@@ -321,7 +321,7 @@ pub struct Train {
     /// How the cloth of ncs resists stretch [default: baraff-witkin].
     #[arg(long, value_enum, value_name = "LAW")]
     pub stretch: Option<StretchName>,
-    /// Learn skin weights as well, in pbns and ncs: for skirts, whose cloth no bone moves as it should.
+    /// Learn skin weights as well, on cores: cloth that no bone moves as it should is then stretched less. Not for snug.
     #[arg(long)]
     pub learn_skinning: bool,
     /// Let outer garments of pbns not push those below them.

@@ -390,6 +390,17 @@ fn a_file_has_the_numbers_that_are_asked_for_and_plays_alike_in_all_of_them() {
         let worst = pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
         assert!(0.0 < worst && worst < most, "{worst} of {most}");
     }
+    let bound = written(&["--learn-skinning"], "12-bit steps");
+    assert!(bound.1 != single.1);
+    for option in [["--relax", "2"], ["--from", &model]] {
+        let done = train(&model, &[&["--learn-skinning"], &option[..]].concat());
+        assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
+        assert!(
+            errors(&done).contains("--learn-skinning"),
+            "{}",
+            errors(&done)
+        );
+    }
     // Where shapes are large, bytes are too coarse.
     let done = train(&model, &["--steps", "20", "--weights", "i8"]);
     assert!(errors(&done).contains("12-bit steps"), "{}", errors(&done));

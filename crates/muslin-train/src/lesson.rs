@@ -76,6 +76,8 @@ pub struct Plan {
     /// Steps that cloth goes by itself after every prediction before it is learnt from, as a solver's first steps would lead
     /// it: what these mend counts less, so that what is learnt is where refined cloth comes to lie. On cores alone.
     pub relaxed: usize,
+    /// Whether skin weights are learnt as well, of the bones that move a vertex at first. On cores alone.
+    pub skinning: bool,
     /// Where random numbers start.
     pub seed: u64,
 }
@@ -99,6 +101,7 @@ impl Default for Plan {
             fairness: 1.5,
             blur: 0.05,
             relaxed: 0,
+            skinning: false,
             seed: 1,
         }
     }

@@ -34,6 +34,7 @@ mod prepare;
 pub mod published;
 mod rows;
 mod skin;
+mod skinning;
 mod state;
 #[cfg(test)]
 mod suite;

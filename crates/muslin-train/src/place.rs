@@ -27,6 +27,7 @@ pub fn placed(trainer: Trainer<'_>, place: Place) -> Result<Placed<'_>, TrainErr
         return Ok(on_cores(Box::new(trainer)));
     }
     let left = match (trainer.plan.relaxed, trainer.wearers[0].layers.is_empty()) {
+        _ if trainer.skinning.is_some() => Some("skin weights are learnt on cores alone"),
         (0, true) => None,
         (0, false) => Some("garments over others are learnt together on cores alone"),
         _ => Some("cloth is let go before it is learnt from on cores alone"),

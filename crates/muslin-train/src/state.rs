@@ -106,6 +106,7 @@ impl Trainer<'_> {
             rest = later;
         }
         self.now = now;
+        self.bind();
         self.refactor();
         Ok(())
     }

@@ -17,6 +17,7 @@ use crate::lesson::{Lesson, Plan};
 use crate::pack::Pack;
 use crate::pool::thinned;
 use crate::prepare::{drivers, encoder, follow, packs, rescale, standardise};
+use crate::skinning::{Skinning, Whose};
 use crate::training::{Training, fault, fingerprints, left_out};
 use crate::update::{factored, firm_at};
 use crate::wearer::{Wearer, traits, wearers};
@@ -86,7 +87,10 @@ pub struct Trainer<'a> {
     pub(crate) pool: Vec<Pose>,
     pub(crate) elastic: Elastic,
     pub(crate) factor: Factor,
+    /// The skin weights as they are now.
     pub(crate) skin: Skin,
+    /// How they are learnt, where they are.
+    pub(crate) skinning: Option<Skinning>,
     pub(crate) bones: Vec<String>,
     pub(crate) drivers: Vec<String>,
     pub(crate) scale: Vec<[f32; 2]>,
@@ -104,6 +108,7 @@ pub struct Trainer<'a> {
 pub(crate) struct Now {
     pub step: u64,
     pub noise: Noise,
+    /// The network's, then what skin weights follow from, where they are learnt.
     pub params: Vec<f32>,
     pub adam: AdamState,
     /// `M`, three rows a vertex, one column a code.
@@ -188,7 +193,12 @@ impl<'a> Trainer<'a> {
             modes = begin::shapes(m, lesson.template)?;
             params.clone_from(&m.params);
         }
+        let skinning = plan
+            .skinning
+            .then(|| Skinning::new(Whose::Ours, &skin, rig.len()));
+        params.extend(skinning.iter().flat_map(Skinning::start));
         Ok(Self {
+            skinning,
             factor: factored(&elastic, &walls, &plan),
             begun: model.map(begin::identity),
             now: Now {
@@ -217,6 +227,18 @@ impl<'a> Trainer<'a> {
             scale,
             encoder,
         })
+    }
+
+    /// The parameters of the network, and what skin weights follow from.
+    pub(crate) fn parts(&self) -> (&[f32], &[f32]) {
+        self.now.params.split_at(self.encoder.n_params())
+    }
+
+    /// Binds the cloth as it was learnt to be bound by now.
+    pub(crate) fn bind(&mut self) {
+        if let Some(skinning) = &self.skinning {
+            self.skin = skinning.skin(self.parts().1);
+        }
     }
 
     /// What the bits of the training depend on, in one line.
@@ -344,7 +366,7 @@ impl Training for Trainer<'_> {
             drivers: self.drivers.clone(),
             scale: self.scale.clone(),
             encoder: Encoder::Plain(self.encoder.clone()),
-            params: self.now.params.clone(),
+            params: self.parts().0.to_vec(),
             modes: self.now.modes.clone(),
             sway: None,
             resizer: None,

@@ -65,6 +65,7 @@ impl Trainer<'_> {
             &mut self.now.params,
             &sum(|w| &w.d_params),
         );
+        self.bind();
         self.remember(&sum(|w| &w.moments), &sum(|w| w.walls.as_flattened()));
         let (d_modes, keep) = (sum(|w| &w.d_modes), self.plan.momentum);
         for (m, d) in self.now.momentum.iter_mut().zip(&d_modes) {

@@ -14,6 +14,7 @@ use crate::laws::{self, Wall};
 use crate::layers::{self, Lying};
 use crate::pack::Pack;
 use crate::skin;
+use crate::skinning::Skinning;
 use crate::trainer::{Energies, Trainer};
 use crate::wearer::Wearer;
 
@@ -31,6 +32,8 @@ pub(crate) struct Work {
     pub moments: Vec<f32>,
     /// The codes, one row each.
     pub codes: Vec<f32>,
+    /// Forces on the cloth in the poses [N], where skin weights are learnt.
+    pub forces: Vec<Row>,
     pub walls: Vec<[f32; 6]>,
     pub energies: Energies,
     /// What the cloth costs once it was let go, if it was.
@@ -63,7 +66,7 @@ impl Trainer<'_> {
         let inputs = (pack.inputs.as_flattened(), LANES);
         let mut codes = self
             .encoder
-            .forward(&self.now.params, inputs, &mut tape)
+            .forward(self.parts().0, inputs, &mut tape)
             .to_vec();
         codes.extend([1.0; LANES]);
         let wearer = &self.wearers[pack.wearer];
@@ -73,7 +76,8 @@ impl Trainer<'_> {
         let codes = View::new(&codes, k, LANES);
         let mut x = vec![[0.0; LANES]; 3 * n];
         multiply(x.as_flattened_mut(), 0.0, modes, codes);
-        let at_rest = (self.plan.relaxed > 0).then(|| x.clone());
+        let is_asked = self.plan.relaxed > 0 || self.skinning.is_some();
+        let at_rest = is_asked.then(|| x.clone());
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || self.carry(pack, &mut x),
@@ -90,6 +94,10 @@ impl Trainer<'_> {
             #[inline(always)]
             || self.ask((pack, &walls), (&x, &mut g), &mut work),
         );
+        if let (Some(d), None, Some(skinning)) = (&at_rest, work.broken, &self.skinning) {
+            self.pull((skinning, pack), d, &mut work);
+        }
+        let at_rest = at_rest.filter(|_| self.plan.relaxed > 0);
         if let Some(at_rest) = at_rest.filter(|_| work.broken.is_none()) {
             pulp::Arch::new().dispatch(
                 #[inline(always)]
@@ -109,10 +117,12 @@ impl Trainer<'_> {
         multiply(&mut work.d_modes, 0.0, g, codes.transposed());
         let mut d_codes = vec![0.0; k * LANES];
         multiply(&mut d_codes, 0.0, modes.transposed(), g);
-        work.d_params = vec![0.0; self.now.params.len()];
+        let d_bound = std::mem::take(&mut work.d_params);
+        work.d_params = vec![0.0; self.parts().0.len()];
         d_codes.truncate((k - 1) * LANES);
         self.encoder
-            .backward(&self.now.params, &tape, &d_codes, &mut work.d_params);
+            .backward(self.parts().0, &tape, &d_codes, &mut work.d_params);
+        work.d_params.extend(d_bound);
         work.moments = vec![0.0; k * k];
         let mut weighed = plain.clone();
         work.codes = plain;
@@ -120,6 +130,21 @@ impl Trainer<'_> {
         let weighed = View::new(&weighed, k, LANES);
         multiply(&mut work.moments, 0.0, weighed, codes.transposed());
         work
+    }
+
+    /// What skin weights do to the cost of a pack whose cloth lies at rest by `d` off its template [m], from the forces
+    /// of its `work`, which are not needed any more: to be the last of its parameters' slopes.
+    fn pull(&self, (skinning, pack): (&Skinning, &Pack), d: &[Row], work: &mut Work) {
+        let mut g = std::mem::take(&mut work.forces);
+        let share = 1.0 / LANES as f32;
+        for row in &mut g {
+            let each = row.iter_mut().zip(&work.counts);
+            each.for_each(|(x, count)| *x *= count * share);
+        }
+        work.d_params = vec![0.0; skinning.len()];
+        let laid = (&self.wearers[pack.wearer].template[..], d);
+        skinning.pull(&pack.bones, laid, &g, &mut work.d_params);
+        skinning.slopes(self.parts().1, &[], &mut work.d_params);
     }
 
     /// From corrections at rest to positions in the poses, in place.
@@ -238,6 +263,7 @@ impl Trainer<'_> {
         let wall = self.wall();
         let mut under = Lane::all(0.0);
         work.walls = vec![[0.0; 6]; n];
+        work.forces = vec![[0.0; LANES]; if self.skinning.is_some() { 3 * n } else { 0 }];
         for lying in &walls.others {
             let [energy, curvature] = lying.push(&wall, x, g);
             sums[3] += energy;
@@ -278,6 +304,9 @@ impl Trainer<'_> {
                 let off = here - held;
                 sums[4] += off.dot(off) * (0.5 * PIN);
                 force += off * PIN;
+            }
+            if self.skinning.is_some() {
+                force.put(&mut work.forces, v as u32);
             }
             skin::bring_back(&a, force).put(g, v as u32);
         }
@@ -322,7 +351,7 @@ mod tests {
 
     use super::*;
     use crate::testing::{Class, Other, USUAL, go_on_alike};
-    use crate::{TrainError, Training};
+    use crate::{Plan, TrainError, Training};
 
     static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
     static OUTFIT: LazyLock<Class> = LazyLock::new(Class::outfit);
@@ -338,6 +367,36 @@ mod tests {
         let other = Other::new(&CLASS);
         gradients(CLASS.taught(other.lessons(&CLASS)), 1);
         gradients(OUTFIT.trainer(), 0);
+    }
+
+    fn binding() -> Trainer<'static> {
+        let plan = Plan {
+            skinning: true,
+            ..CLASS.trainer().plan
+        };
+        Trainer::new(vec![CLASS.lesson()], plan, CLASS.poses.clone()).expect("enough poses")
+    }
+
+    #[test]
+    fn skin_weights_that_are_learnt_have_the_slopes_of_the_cost_and_go_on_to_the_same_bits() {
+        let mut trainer = binding();
+        let before = trainer.skin.clone();
+        while trainer.steps() < 3 {
+            trainer.step().expect("finite");
+        }
+        // Of the bones that moved each vertex before.
+        assert_eq!(trainer.skin.bones, before.bones);
+        assert!(trainer.skin.weights != before.weights);
+        let mut again = binding();
+        again
+            .restore(&trainer.keep())
+            .expect("of the same training");
+        assert!(again.skin == trainer.skin);
+        go_on_alike([&mut trainer, &mut again], 5);
+        let model = trainer.model(Default::default());
+        assert_eq!(model.check(), Ok(()));
+        assert!(model.skin == trainer.skin && model.params.len() == trainer.encoder.n_params());
+        gradients(binding(), 0);
     }
 
     /// What the slope of a pack's cost says of garments that push each other, with and without.
@@ -472,11 +531,13 @@ mod tests {
         // Between two looks.
         pack.visits = 3;
         let work = trainer.work(&mut pack.clone());
-        for which in 0..2 {
-            let gradient = if which == 0 {
-                &work.d_modes
-            } else {
-                &work.d_params
+        let n = trainer.encoder.n_params();
+        let last = if trainer.skinning.is_some() { 3 } else { 2 };
+        for which in 0..last {
+            let (first, gradient) = match which {
+                0 => (0, &work.d_modes[..]),
+                1 => (0, &work.d_params[..n]),
+                _ => (n, &work.d_params[n..]),
             };
             let norm = gradient
                 .iter()
@@ -491,15 +552,18 @@ mod tests {
                     &mut trainer.now.params
                 };
                 let old = now.clone();
-                now.iter_mut()
+                now[first..]
+                    .iter_mut()
                     .zip(gradient)
                     .for_each(|(m, g)| *m += (sign * step * f64::from(*g)) as f32);
+                trainer.bind();
                 let cost = cost(&trainer, &pack);
                 if which == 0 {
                     trainer.now.modes = old
                 } else {
                     trainer.now.params = old
                 }
+                trainer.bind();
                 cost
             };
             let slope = (at(1.0) - at(-1.0)) / (2.0 * step);

@@ -14,7 +14,6 @@ mod net;
 mod recipe;
 mod resizer;
 mod sheet;
-mod skinning;
 mod snug;
 mod state;
 #[cfg(test)]

@@ -13,11 +13,11 @@ use super::gravity;
 use super::net::{self, Chance};
 use super::recipe::{Isotropic, NCS_WINDOW, Recipe, StretchLaw, System, sizes};
 use super::resizer::{Resized, Resizing};
-use super::skinning::Skinning;
 use super::wearer::Wearer;
 use crate::lanes::LANES;
 use crate::lesson::Lesson;
 use crate::prepare::{drivers, follow};
+use crate::skinning::{Skinning, Whose};
 use crate::training::{Training, fault, fingerprints, left_out};
 use crate::wearer::{of_one_cloth, traits};
 use crate::{Told, TrainError};
@@ -188,8 +188,13 @@ impl<'a> Published<'a> {
         }
         let codes = encoder.n_codes() + usize::from(recipe.has_constant);
         params.resize(params.len() + 3 * lesson.template.len() * codes, 0.0);
-        let learns_skin = course.skinning && course.system != System::Snug;
-        let skinning = learns_skin.then(|| Skinning::new(course.system, &skin, rig.len()));
+        let whose = match course.system {
+            System::Pbns => Some(Whose::Pbns),
+            System::Snug => None,
+            System::Ncs => Some(Whose::Ncs),
+        };
+        let whose = whose.filter(|_| course.skinning);
+        let skinning = whose.map(|whose| Skinning::new(whose, &skin, rig.len()));
         params.extend(skinning.iter().flat_map(Skinning::start));
         let resizes = course.system == System::Pbns && wearers.len() > 1;
         let resizing = resizes.then(|| Resizing::new(&wearers, &traits, &mut noise));

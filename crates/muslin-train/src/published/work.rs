@@ -145,12 +145,9 @@ impl Published<'_> {
         let mut d_codes = Vec::new();
         let all = asked.iter_mut().zip(frames).zip(&guess.codes[first..]);
         for (((a, frame), codes), d) in all.zip(&guess.rest[first..]) {
-            if self.skinning.is_some() {
+            if let Some(skinning) = &self.skinning {
                 let laid = (&*self.laid(who), &d[..]);
-                pulp::Arch::new().dispatch(
-                    #[inline(always)]
-                    || unbind(frame, laid, &a.g, d_bound),
-                );
+                skinning.pull(&frame.bones, laid, &a.g, d_bound);
             }
             pulp::Arch::new().dispatch(
                 #[inline(always)]
@@ -303,21 +300,6 @@ fn sum(
         under: mean(under) / (x.len() / 3) as f64,
         g,
         held,
-    }
-}
-
-/// Adds what every bone's weight in every vertex does to the cost, where the cloth lies at rest as `laid` and by so much
-/// more [m], and is pulled by `g` [N].
-#[inline(always)]
-fn unbind(frame: &Frame, (laid, d): (&[[f32; 3]], &[Row]), g: &[Row], out: &mut [f32]) {
-    let n = frame.bones.len();
-    for ((v, t), out) in laid.iter().enumerate().zip(out.chunks_exact_mut(n)) {
-        let (d, g) = (Vec3::of(d, v as u32), Vec3::of(g, v as u32));
-        let p = Vec3([0, 1, 2].map(|i| d.0[i] + t[i]));
-        for (out, bone) in out.iter_mut().zip(&frame.bones) {
-            let there = skin::carry(&bone.map(Lane), p);
-            *out += there.dot(g).sum() as f32;
-        }
     }
 }
 

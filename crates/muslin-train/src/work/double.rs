@@ -19,7 +19,7 @@ fn laid(trainer: &Trainer, pack: &Pack) -> Vec<Row> {
     let inputs = (pack.inputs.as_flattened(), LANES);
     let codes = trainer
         .encoder
-        .forward(&trainer.now.params, inputs, &mut tape);
+        .forward(trainer.parts().0, inputs, &mut tape);
     let codes = [codes, &[1.0; LANES]].concat();
     let (n, k) = (
         trainer.wearers[pack.wearer].cut.n_verts(),

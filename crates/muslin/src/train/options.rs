@@ -54,7 +54,7 @@ pub struct TrainOptions {
     pub augment: Option<f64>,
     /// How the cloth of NCS resists stretch; by yarns and shear if not said.
     pub stretch: Option<StretchLaw>,
-    /// Whether PBNS or NCS learns skin weights as well.
+    /// Whether skin weights are learnt as well; not by SNUG.
     pub learn_skinning: bool,
     /// Whether PBNS's outer garments do not push those below.
     pub stop_gradient: bool,
@@ -209,8 +209,8 @@ impl TrainOptions {
             ),
             (
                 "--learn-skinning",
-                self.learn_skinning && !(is(System::Pbns) || is(System::Ncs)),
-                "pbns and ncs",
+                self.learn_skinning && is(System::Snug),
+                "our own network, pbns and ncs",
             ),
             (
                 "--stop-gradient",
@@ -308,6 +308,17 @@ impl TrainOptions {
             );
         }
         self.begins_once()?;
+        let others = [
+            ("--relax", self.relaxed.is_some()),
+            ("--from", self.from.is_some()),
+            ("--coarse", self.coarse.is_some()),
+            ("--device cuda", self.device == Place::Cuda),
+        ];
+        if let Some((option, _)) = others.iter().find(|o| self.learn_skinning && o.1) {
+            let what = format!("skin weights are not learnt with {option}");
+            let fault = Failure::new(Exit::Usage, "skinning", what).at("--learn-skinning");
+            return Err(fault.hint(format!("leave out --learn-skinning or {option}")));
+        }
         within("--steps", "", Some(self.steps as f64), (1.0, 1e7))?;
         within("--codes", "", self.codes.map(|x| x as f64), (2.0, 512.0))?;
         within("--poses", "", Some(self.poses as f64), (1.0, 1e5))?;
@@ -343,6 +354,7 @@ impl TrainOptions {
             rate: self.rate.map_or(usual.rate, |r| r as f32),
             fairness: self.fairness.map_or(usual.fairness, |p| p as f32),
             relaxed: self.relaxed.unwrap_or(usual.relaxed),
+            skinning: self.learn_skinning,
             ..usual
         }
     }
