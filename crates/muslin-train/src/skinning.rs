@@ -1,7 +1,7 @@
 //! Skin weights that are learnt with the rest: ours, PBNS's `blendweights`, and those that NCS trains for skirts.
 //!
-//! A vertex has a number for every bone that may move it. PBNS takes `elu(100 W)` of each, the others `exp` of what began
-//! as a logarithm; all then divide by their sum. Ours are for the bones that move a vertex at first, so that a model
+//! A vertex has a number for every bone that may move it. PBNS takes `elu(100 W)` of each, NCS `exp` of what began
+//! as `log(w + 1e-3)`, we `exp` of three times what began as a third of `log w`; all then divide by their sum. Ours are for the bones that move a vertex at first, so that a model
 //! stays as small; PBNS's and NCS's are for all, so that a bone that does not may come to.
 
 use muslin_model::Skin;
@@ -11,6 +11,8 @@ use crate::skin;
 
 /// What PBNS multiplies its numbers by.
 const STEEP: f32 = 100.0;
+/// What we multiply ours by: they are to learn so many times as fast as the network does.
+const BRISK: f32 = 3.0;
 /// What NCS adds to weights before their logarithm.
 const FAINT: f32 = 1e-3;
 /// How strongly NCS holds the weights of pinned vertices: `k Σ (w − w̄)²` over all of their bones [J].
@@ -49,7 +51,7 @@ impl Skinning {
     /// What they begin as.
     pub fn start(&self) -> Vec<f32> {
         let one = |w: &f32| match self.whose {
-            Whose::Ours => w.ln(),
+            Whose::Ours => w.ln() / BRISK,
             Whose::Pbns => *w,
             Whose::Ncs => (w + FAINT).ln(),
         };
@@ -58,13 +60,12 @@ impl Skinning {
 
     /// A number raised, before all of a vertex are divided by their sum, and how fast that changes.
     fn raised(&self, x: f32) -> [f32; 2] {
-        if self.whose != Whose::Pbns {
-            return [x.exp(); 2];
-        }
         let z = STEEP * x;
-        match z > 0.0 {
-            true => [z, STEEP],
-            false => [z.exp() - 1.0, STEEP * z.exp()],
+        match self.whose {
+            Whose::Ours => [(BRISK * x).exp(), BRISK * (BRISK * x).exp()],
+            Whose::Pbns if z > 0.0 => [z, STEEP],
+            Whose::Pbns => [z.exp() - 1.0, STEEP * z.exp()],
+            Whose::Ncs => [x.exp(); 2],
         }
     }
 
