@@ -1,8 +1,9 @@
 //! Skin weights that are learnt with the rest: ours, PBNS's `blendweights`, and those that NCS trains for skirts.
 //!
-//! A vertex has a number for every bone that may move it. PBNS takes `elu(100 W)` of each, NCS `exp` of what began
-//! as `log(w + 1e-3)`, we `exp` of three times what began as a third of `log w`; all then divide by their sum. Ours are for the bones that move a vertex at first, so that a model
-//! stays as small; PBNS's and NCS's are for all, so that a bone that does not may come to.
+//! A vertex has a number for every bone that may move it. PBNS takes `elu(100 W)` of each, NCS `exp` of what began as
+//! `log(w + 1e-3)`, we `exp` of three times what began as a third of `log w`; all then divide by their sum. Ours are for
+//! the bones that move a vertex at first, so that a model stays as small; PBNS's and NCS's are for all, so that a bone
+//! that does not may come to.
 
 use muslin_model::Skin;
 
