@@ -59,4 +59,4 @@ pub use rig::{Bone, Rig};
 pub use room::Limbs;
 pub use shape::{ADULT, PHENOTYPES, Shape};
 pub use sparse::Sparse;
-pub use twin::Twin;
+pub use twin::{Follower, Twin};

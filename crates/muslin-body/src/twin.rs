@@ -6,6 +6,7 @@
 //! `world_from_joint = M B⁻¹ bound`, with `M` our bones in the pose and `B` the same bones in the
 //! stance that the character was bound in; our skin as well, so that one lies on the other in any pose.
 
+mod follower;
 mod joints;
 mod likes;
 mod maker;
@@ -16,6 +17,7 @@ use glam::{DAffine3, DQuat, DVec3};
 
 use crate::pose::blended;
 use crate::{Avatar, BodyError, Character, Pose, Shape};
+pub use follower::Follower;
 pub(crate) use joints::Joints;
 use maker::Maker;
 
@@ -88,43 +90,21 @@ impl Twin {
         })
     }
 
-    /// Our pose where the character's joints are at `joints` (`world_from_joint`).
-    ///
-    /// Only turns are taken, and the place of the hips: joints that move apart are not followed.
+    /// Our pose where the character's joints are at `joints` (`world_from_joint`); see [`Follower`].
     pub fn pose_of(&self, joints: &[DAffine3]) -> Pose {
-        let turn = |a: &DAffine3| {
-            let m = a.matrix3;
-            let unit = glam::DMat3::from_cols(
-                m.x_axis.normalize_or_zero(),
-                m.y_axis.normalize_or_zero(),
-                m.z_axis.normalize_or_zero(),
-            );
-            DQuat::from_mat3(&unit).normalize()
-        };
-        let rig = self.avatar.rig();
-        let mut by: Vec<Option<usize>> = vec![None; rig.n_bones()];
-        for (j, b) in self.follows.iter().enumerate() {
-            let is_first = self.parents[j].is_none_or(|p| self.follows[p] != *b);
-            if let (Some(b), true) = (b, is_first) {
-                by[*b].get_or_insert(j);
-            }
-        }
         let mut pose = Pose::rest(&self.avatar);
-        let mut world = vec![DQuat::IDENTITY; rig.n_bones()];
-        for (b, bone) in rig.bones.iter().enumerate() {
-            let above = bone.parent.map_or(DQuat::IDENTITY, |p| world[p]);
-            let source = by[b]
-                .map(|j| turn(&joints[j]) * turn(&self.joints[j]).inverse() * turn(&self.bound[b]));
-            world[b] = source.unwrap_or(above * self.still(b));
-            pose.rotations[b] = (above.inverse() * world[b]).normalize();
-        }
-        let head = |b: usize| self.avatar.mean()[self.avatar.head_point(b)];
-        if let Some(j) = by[0] {
-            let at = self.bound[0].transform_point3(head(0));
-            let moved = joints[j] * self.joints[j].inverse();
-            pose.root = moved.transform_point3(at) - head(0);
-        }
+        self.follower().follow(joints, &mut pose);
         pose
+    }
+
+    /// What takes our body to where the character's joints are.
+    pub fn follower(&self) -> Follower {
+        Follower::new(self)
+    }
+
+    /// `world_from_joint` of every joint of the character in the stance that it was bound in.
+    pub fn stance(&self) -> &[DAffine3] {
+        &self.joints
     }
 
     /// How a bone is turned in its parent's frame in the stance that the character was bound in.

@@ -1,10 +1,12 @@
 /* Muslin: a trained garment, frame by frame.
  *
- * A garment is opened once, on a body of ours of some height, weight and gender; then every call of
- * muslin_frame gives the cloth in one more pose, as its network predicts it, in a fraction of a millisecond. It
- * takes no memory, reads no file and is not checked: cloth may touch where training did not reach.
+ * A garment is opened once, on a body of ours of some height, weight and gender, or on a rigged character of yours;
+ * then every call of muslin_frame, or of muslin_frame_on for a character, gives the cloth in one more pose, as its
+ * network predicts it, in a fraction of a millisecond. It takes no memory, reads no file and is not checked: cloth may
+ * touch where training did not reach.
  *
- * Metres, seconds, right-handed, Y up, the body faces +Z. Quaternions are x, y, z, w. A garment may be used by
+ * Metres, seconds, right-handed, Y up, the body faces +Z; a character is in the places and the unit of its file.
+ * Quaternions are x, y, z, w; matrices are of 16 numbers, column after column, as glTF has them. A garment may be used by
  * one thread at a time; two garments by two. Nothing here ends the program, and nothing is printed.
  *
  *   cargo build --release -p muslin-c
@@ -24,12 +26,14 @@ typedef struct muslin_garment muslin_garment;
 
 /* Who wears what. Zero it, then set what matters: what is zero is as the model was taught. */
 typedef struct muslin_wear {
-    const char *garment; /* of the wardrobe ("tee", "trousers", "skirt", "dress"), where no model is given */
+    const char *garment; /* of the wardrobe ("tee", "trousers", "skirt", "dress"), where no model is given; or the file
+                          * of the garment that the model is of */
     const char *fabric;  /* as `muslin list fabrics` names it, or a file of yours */
     const char *size;    /* "XS" to "XXL"; made to measure where the model was */
     double height;       /* [m] */
     double weight;       /* [kg] */
     double gender;       /* above 0 (male) to 1 (female) */
+    const char *body;    /* a character's file: .glb, .gltf or .vrm; it has a weight and a gender of its own */
 } muslin_wear;
 
 /* What is returned where nothing is: a root's parent. */
@@ -58,6 +62,12 @@ const char *muslin_bone_name(const muslin_garment *garment, uint32_t bone);
 uint32_t muslin_bone_parent(const muslin_garment *garment, uint32_t bone);
 void muslin_bone_joint(const muslin_garment *garment, uint32_t bone, float joint[3]);
 
+/* The joints of the character: how many (none on our own body), and of each its name, as above, and where it is as the
+ * character was bound: the matrix from the joint to the world of its file. */
+uint32_t muslin_joints(const muslin_garment *garment);
+const char *muslin_joint_name(const muslin_garment *garment, uint32_t joint);
+void muslin_joint_bound(const muslin_garment *garment, uint32_t joint, float matrix[16]);
+
 /* Starts a sequence: frames are `seconds` apart from now on (1e-4 to 10; else as before, a thirtieth at first), and the
  * body comes to the first without motion. */
 void muslin_begin(muslin_garment *garment, float seconds);
@@ -74,6 +84,11 @@ int muslin_frame(muslin_garment *garment, const float *turns, const float root[3
 /* The same, and the unit normal of every vertex: `normals` is room for three numbers a vertex. */
 int muslin_frame_with_normals(muslin_garment *garment, const float *turns, const float root[3], float *vertices,
                               float *normals);
+
+/* The cloth where the character's joints are next. `joints`: a matrix a joint, from the joint to the world of the
+ * character's file, of which turns are taken, and the place of the hips; joints that move apart are not followed. The
+ * vertices are in that world as well; `normals` may be NULL. Else as muslin_frame; 1 on our own body. */
+int muslin_frame_on(muslin_garment *garment, const float *joints, float *vertices, float *normals);
 
 #ifdef __cplusplus
 }

@@ -7,6 +7,7 @@
 
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::ptr;
 use std::slice;
 
@@ -20,6 +21,8 @@ pub const NONE: u32 = u32::MAX;
 pub struct Garment {
     playing: Playing,
     names: Vec<CString>,
+    /// Of the character's joints.
+    joints: Vec<CString>,
 }
 
 /// Who wears what; zero where it does not matter.
@@ -38,6 +41,8 @@ pub struct Worn {
     pub weight: f64,
     /// 0 (male) to 1 (female).
     pub gender: f64,
+    /// A character's file.
+    pub body: *const c_char,
 }
 
 impl Worn {
@@ -45,8 +50,14 @@ impl Worn {
     /// Each text is NULL or ends with a zero.
     unsafe fn options(&self) -> Result<DressOptions, String> {
         // SAFETY: as the caller says.
-        let (garment, fabric, size) =
-            unsafe { (text(self.garment)?, text(self.fabric)?, text(self.size)?) };
+        let [garment, fabric, size, body] = unsafe {
+            [
+                text(self.garment)?,
+                text(self.fabric)?,
+                text(self.size)?,
+                text(self.body)?,
+            ]
+        };
         let given = |x: f64| (x != 0.0).then_some(x);
         let wear = Wear {
             fabric: fabric.map(str::to_owned),
@@ -54,6 +65,7 @@ impl Worn {
         };
         Ok(DressOptions {
             outfit: vec![wear],
+            body: body.map(PathBuf::from),
             size: size.map(Size::parse).transpose()?,
             height: given(self.height),
             weight: given(self.weight),
@@ -127,10 +139,12 @@ unsafe fn open(
         options.outfit.clear();
     }
     let playing = Playing::new(bytes, &options).map_err(|e| e.to_string())?;
-    let bones = playing.bones().iter();
-    let names = bones.map(|b| CString::new(b.name.as_str()).unwrap_or_default());
+    let name = |n: &str| CString::new(n).unwrap_or_default();
+    let bones = playing.bones().iter().map(|b| name(&b.name));
+    let joints = playing.character_joints().iter().map(|j| name(j));
     Ok(Garment {
-        names: names.collect(),
+        names: bones.collect(),
+        joints: joints.collect(),
         playing,
     })
 }
@@ -206,12 +220,14 @@ pub unsafe extern "C" fn muslin_bones(garment: *const Garment) -> u32 {
 /// `garment` is NULL or open.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn muslin_bone_name(garment: *const Garment, bone: u32) -> *const c_char {
-    let name = |g: &Garment| {
-        let name = g.names.get(bone as usize);
-        name.map_or(ptr::null(), |n| n.as_ptr())
-    };
     // SAFETY: as the caller says.
-    unsafe { of(garment, ptr::null(), name) }
+    unsafe { of(garment, ptr::null(), |g| nth(&g.names, bone)) }
+}
+
+/// A name of a list.
+fn nth(names: &[CString], k: u32) -> *const c_char {
+    let name = names.get(k as usize);
+    name.map_or(ptr::null(), |n| n.as_ptr())
 }
 
 /// See `muslin.h`.
@@ -240,6 +256,40 @@ pub unsafe extern "C" fn muslin_bone_joint(garment: *const Garment, bone: u32, j
         let p = p.as_vec3().to_array();
         // SAFETY: as the caller says.
         unsafe { ptr::copy_nonoverlapping(p.as_ptr(), joint, 3) };
+    }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_joints(garment: *const Garment) -> u32 {
+    // SAFETY: as the caller says.
+    unsafe { of(garment, 0, |g| g.joints.len() as u32) }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_joint_name(garment: *const Garment, joint: u32) -> *const c_char {
+    // SAFETY: as the caller says.
+    unsafe { of(garment, ptr::null(), |g| nth(&g.joints, joint)) }
+}
+
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open, `matrix` NULL or to sixteen numbers.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_joint_bound(garment: *const Garment, joint: u32, matrix: *mut f32) {
+    let place = |g: &Garment| g.playing.character_bound().get(joint as usize).copied();
+    // SAFETY: as the caller says.
+    if let (Some(m), false) = (unsafe { of(garment, None, place) }, matrix.is_null()) {
+        // SAFETY: as the caller says.
+        unsafe { ptr::copy_nonoverlapping(m.as_ptr(), matrix, 16) };
     }
 }
 
@@ -298,6 +348,50 @@ pub unsafe extern "C" fn muslin_frame_with_normals(
     unsafe { predict(garment, (turns, root), (vertices, Some(normals))) }
 }
 
+/// See `muslin.h`.
+///
+/// # Safety
+/// `garment` is NULL or open; `joints` is to sixteen numbers a joint, `vertices` to three a vertex, `normals` NULL or to
+/// three a vertex as well.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn muslin_frame_on(
+    garment: *mut Garment,
+    joints: *const f32,
+    vertices: *mut f32,
+    normals: *mut f32,
+) -> c_int {
+    if garment.is_null() || joints.is_null() || vertices.is_null() {
+        return 1;
+    }
+    // SAFETY: none is NULL, and as the caller says.
+    let (g, joints) = unsafe {
+        let g = &mut *garment;
+        let joints = slice::from_raw_parts(joints.cast::<[f32; 16]>(), g.joints.len());
+        (g, joints)
+    };
+    let frame = AssertUnwindSafe(|| {
+        // SAFETY: there is room for three numbers a vertex.
+        unsafe {
+            if normals.is_null() {
+                give(g.playing.frame_on(joints)?, vertices);
+            } else {
+                let [at, turned] = g.playing.frame_on_with_normals(joints)?;
+                give(at, vertices);
+                give(turned, normals);
+            }
+        }
+        Some(())
+    });
+    c_int::from(!matches!(catch_unwind(frame), Ok(Some(()))))
+}
+
+/// # Safety
+/// There is room for three numbers a vertex.
+unsafe fn give(from: &[[f32; 3]], to: *mut f32) {
+    // SAFETY: as the caller says; a copy, for nobody said that there are numbers yet.
+    unsafe { ptr::copy(from.as_ptr().cast::<f32>(), to, 3 * from.len()) };
+}
+
 /// A frame, and its normals where there is to be room for them; 0 if there was one.
 ///
 /// # Safety
@@ -317,18 +411,17 @@ unsafe fn predict(
         let turns = slice::from_raw_parts(turns.cast::<[f32; 4]>(), g.names.len());
         (g, turns, *root.cast::<[f32; 3]>())
     };
-    let give = |from: &[[f32; 3]], to: *mut f32| {
-        // SAFETY: there is room for three numbers a vertex; a copy, for nobody said that there are numbers yet.
-        unsafe { ptr::copy(from.as_ptr().cast::<f32>(), to, 3 * from.len()) };
-    };
     let frame = AssertUnwindSafe(|| {
-        match normals {
-            Some(normals) => {
-                let [at, turned] = g.playing.frame_with_normals(turns, root)?;
-                give(at, vertices);
-                give(turned, normals);
+        // SAFETY: there is room for three numbers a vertex.
+        unsafe {
+            match normals {
+                Some(normals) => {
+                    let [at, turned] = g.playing.frame_with_normals(turns, root)?;
+                    give(at, vertices);
+                    give(turned, normals);
+                }
+                None => give(g.playing.frame(turns, root)?, vertices),
             }
-            None => give(g.playing.frame(turns, root)?, vertices),
         }
         Some(())
     });

@@ -3,9 +3,12 @@
 // An allocator that counts is made of one that does not.
 #![allow(unsafe_code)]
 
+mod common;
+
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
+use common::Hero;
 use muslin::{DressOptions, Playing, Wear};
 
 struct Counting;
@@ -73,6 +76,45 @@ fn frames_take_no_memory_and_refuse_what_is_not_finite() {
 }
 
 #[test]
+fn frames_on_a_character_take_no_memory_and_refuse_what_is_no_place() {
+    let hero = Hero::new("memory");
+    let mut playing = Playing::new(None, &hero.options()).expect("a garment on a character");
+    let mut joints = playing.character_bound().to_vec();
+    assert!(joints.len() > 20 && playing.character_joints().len() == joints.len());
+    let first = playing.frame_on(&joints).expect("as it was bound").to_vec();
+    let before = TAKEN.with(Cell::get);
+    for k in 0..5 {
+        joints.iter_mut().for_each(|m| m[14] += 0.01 * k as f32);
+        assert!(playing.frame_on_with_normals(&joints).is_some());
+    }
+    assert_eq!(TAKEN.with(Cell::get), before);
+    // All of it went along, ten centimetres to the front.
+    playing.begin(0.1);
+    let gone = playing.frame_on(&joints).expect("sound");
+    for (a, b) in first.iter().zip(gone) {
+        assert!(
+            (b[2] - a[2] - 0.1).abs() < 1e-3 && (b[1] - a[1]).abs() < 1e-3,
+            "{a:?} {b:?}"
+        );
+    }
+    for broken in [f32::NAN, 3e38] {
+        let mut broke = joints.clone();
+        broke[3] = [broken; 16];
+        assert!(playing.frame_on(&broke).is_none());
+    }
+    let mut flat = joints.clone();
+    flat[3] = [0.0; 16];
+    assert!(playing.frame_on(&flat).is_none());
+    assert!(playing.frame_on(&joints).is_some());
+    let ours = DressOptions {
+        outfit: vec![Wear::parse("tee")],
+        ..DressOptions::default()
+    };
+    let mut ours = Playing::new(None, &ours).expect("a garment of the wardrobe");
+    assert!(ours.character_joints().is_empty() && ours.frame_on(&[]).is_none());
+}
+
+#[test]
 fn models_of_other_cloth_or_of_files_are_refused() {
     let folder = concat!(
         env!("CARGO_MANIFEST_DIR"),
@@ -93,6 +135,8 @@ fn models_of_other_cloth_or_of_files_are_refused() {
     };
     let file = changed("\"garment\":\"tee\"", "\"garment\":\"a/b\"");
     assert!(file.contains("from a file"), "{file}");
+    let hero = changed("\"body\":\"anny\"", "\"body\":\"hero\"");
+    assert!(hero.contains("taught on a character"), "{hero}");
     let skirt = changed("\"edge\":\"0.012\"", "\"edge\":\"0.014\"");
     assert!(skirt.contains("other triangles"), "{skirt}");
     let none = changed("\"edge\":\"0.012\"", "\"edge\":\"0.000\"");

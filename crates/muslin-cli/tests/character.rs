@@ -5,6 +5,8 @@ mod common;
 use std::path::Path;
 
 use common::{Folder, errors, muslin, typed};
+use glam::{DMat4, DVec3};
+use muslin::{DressOptions, Playing, Wear};
 use muslin_io::{read_character, read_clip};
 
 /// Runs `muslin simulate` on coarse cloth, which must do.
@@ -198,6 +200,50 @@ fn a_model_of_a_character_knows_sizes_where_it_was_taught_any() {
     let report = std::fs::read_to_string(folder.at("wide.report.json")).expect("written");
     for told in ["\"label\": \"XL\"", "\"not_taught\": []"] {
         assert!(report.contains(told), "{told} is missing:\n{report}");
+    }
+}
+
+#[test]
+fn in_a_program_a_character_s_joints_lead_the_cloth_that_animate_writes() {
+    let folder = Folder::new("hero-plays");
+    let hero = character(&folder);
+    let (out, npz) = (folder.at("dressed.glb"), folder.at("dressed.npz"));
+    let mut options = DressOptions {
+        outfit: vec![Wear::parse("tee")],
+        body: Some(hero.clone().into()),
+        ..DressOptions::default()
+    };
+    let file = read_character(Path::new(&hero)).expect("it can be read");
+    let frames = file.play(0, 30.0).expect("it plays");
+    let own = file.character.height();
+    for height in [None, Some(2.1)] {
+        let asked = height.map_or(String::new(), |h| format!("--height {}", h * 100.0));
+        let line = format!(
+            "animate --body {hero} --garment tee --motion simulation --fps 30 --motion-level 0 --refine 0 {asked} --npz {npz} -o {out}"
+        );
+        let done = typed(&line);
+        assert_eq!(done.status.code(), Some(0), "{line}: {}", errors(&done));
+        let clip = read_clip(Path::new(&npz)).expect("it can be read");
+        assert_eq!(clip.drape.frames.len(), frames.len());
+        options.height = height;
+        let mut playing = Playing::new(None, &options).expect("a garment on a character");
+        playing.set_motion_level(0.0);
+        assert_eq!(playing.character_joints(), file.character.names);
+        let scale = height.map_or(1.0, |h| h / own);
+        let mut shift = None;
+        for (joints, cloth) in frames.iter().zip(&clip.drape.frames) {
+            let joints: Vec<[f32; 16]> = (joints.iter())
+                .map(|j| DMat4::from(*j).to_cols_array().map(|x| x as f32))
+                .collect();
+            let at = playing.frame_on(&joints).expect("sound");
+            assert_eq!(at.len(), cloth.len());
+            // In its file's places, which differ from ours by its size and where it stands.
+            let ours = |p: &[f32; 3]| scale * DVec3::from_array(p.map(f64::from));
+            let shift = *shift.get_or_insert(cloth[0] - ours(&at[0]));
+            let apart = |(p, q): (&[f32; 3], &DVec3)| (ours(p) + shift).distance(*q);
+            let worst = at.iter().zip(cloth).map(apart).fold(0.0, f64::max);
+            assert!(worst < 5e-5, "{height:?}: {worst}");
+        }
     }
 }
 

@@ -392,7 +392,7 @@ fn a_file_has_the_numbers_that_are_asked_for_and_plays_alike_in_all_of_them() {
     }
     let bound = written(&["--learn-skinning"], "12-bit steps");
     assert!(bound.1 != single.1);
-    for option in [["--relax", "2"], ["--from", &model]] {
+    for option in [["--relax", "2"], ["--device", "cuda"]] {
         let done = train(&model, &[&["--learn-skinning"], &option[..]].concat());
         assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
         assert!(

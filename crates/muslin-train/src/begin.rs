@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use muslin_geom::Surface;
-use muslin_model::{Encoder, Model};
+use muslin_model::{Encoder, Model, Skin};
 use muslin_net::learn::Mlp;
 
 use crate::TrainError;
@@ -11,6 +11,8 @@ use crate::training::sum;
 
 /// Cloth farther from another's than this has nothing to learn from it [m].
 const FAR: f64 = 0.1;
+/// Share of its own weight that a bone keeps at least, where the other cloth does not follow it.
+const FAINT: f32 = 1e-3;
 
 /// Refuses a model that the encoder cannot go on from, or that was told other traits.
 pub(crate) fn fits(model: &Model, encoder: &Mlp, lesson: &Lesson<'_>) -> Result<(), TrainError> {
@@ -34,24 +36,63 @@ pub(crate) fn identity(model: &Model) -> u64 {
     sum(&mut all.map(|x| f64::from(*x)))
 }
 
-/// The model's shapes for cloth that lies at `template` [m] around the same body and may have other triangles:
-/// three rows a vertex, one column a code.
-pub(crate) fn shapes(model: &Model, template: &[DVec3]) -> Result<Vec<f32>, TrainError> {
-    let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-    let verts: Vec<DVec3> = model.template.iter().map(wide).collect();
-    let surface = Surface::new(&verts, &model.faces);
-    let row = 3 * model.n_codes();
-    let mut out = Vec::with_capacity(template.len() * row);
-    for x in template {
-        let near = surface.closest(*x, FAR);
-        let near = near.ok_or(TrainError::OtherModel("garment"))?;
-        let corners = model.faces[near.face as usize].map(|v| v as usize);
-        for k in 0..row {
-            let one = |(v, w): (&usize, &f64)| *w as f32 * model.modes[v * row + k];
-            out.push(corners.iter().zip(&near.weights).map(one).sum());
-        }
+/// Where cloth lies on that of a model, which may have other triangles: vertices of the model and their shares, for
+/// every vertex.
+pub(crate) struct Near(Vec<[(usize, f32); 3]>);
+
+impl Near {
+    /// Of cloth that lies at `template` [m] around the same body.
+    pub fn new(model: &Model, template: &[DVec3]) -> Result<Self, TrainError> {
+        let wide = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        let verts: Vec<DVec3> = model.template.iter().map(wide).collect();
+        let surface = Surface::new(&verts, &model.faces);
+        let one = |x: &DVec3| {
+            let near = surface.closest(*x, FAR);
+            let near = near.ok_or(TrainError::OtherModel("garment"))?;
+            let corners = model.faces[near.face as usize];
+            Ok([0, 1, 2].map(|k| (corners[k] as usize, near.weights[k] as f32)))
+        };
+        template.iter().map(one).collect::<Result<_, _>>().map(Self)
     }
-    Ok(out)
+
+    /// The model's shapes for this cloth: three rows a vertex, one column a code.
+    pub fn shapes(&self, model: &Model) -> Vec<f32> {
+        let row = 3 * model.n_codes();
+        let one = |corners: &[(usize, f32); 3], k: usize| {
+            let each = corners.iter().map(|(v, w)| w * model.modes[v * row + k]);
+            each.sum::<f32>()
+        };
+        let rows = self.0.iter();
+        rows.flat_map(|corners| (0..row).map(move |k| one(corners, k)))
+            .collect()
+    }
+
+    /// The model's skin weights for this cloth: of the `bones` by name that its `own` ones are of, but those of `pins`
+    /// stay, for they are held by bones.
+    pub fn skin(&self, model: &Model, own: (&Skin, &[String]), pins: &[u32]) -> Skin {
+        let (own, bones) = own;
+        let place = |name: &String| model.bones.iter().position(|b| b == name);
+        let places: Vec<Option<usize>> = bones.iter().map(place).collect();
+        let mut out = own.clone();
+        for (v, corners) in self.0.iter().enumerate() {
+            if pins.contains(&(v as u32)) {
+                continue;
+            }
+            let row = own.starts[v] as usize..own.starts[v + 1] as usize;
+            for at in row.clone() {
+                let bone = places[usize::from(own.bones[at])];
+                let of = |v: usize| {
+                    let all = model.skin.row(v).filter(|e| Some(e.0) == bone);
+                    all.map(|e| e.1).sum::<f32>()
+                };
+                let weight: f32 = corners.iter().map(|(v, share)| share * of(*v)).sum();
+                out.weights[at] = weight.max(FAINT * own.weights[at]);
+            }
+            let sum: f32 = out.weights[row.clone()].iter().sum();
+            out.weights[row].iter_mut().for_each(|w| *w /= sum);
+        }
+        out
+    }
 }
 
 #[cfg(test)]
@@ -116,5 +157,64 @@ mod tests {
         assert!(beside.restore(&again.keep()).is_err());
         let mut same = begin(&model, &plan).expect("the same garment");
         assert!(same.restore(&again.keep()).is_ok());
+    }
+
+    #[test]
+    fn learnt_skin_weights_are_gone_on_with_by_the_bones_names() {
+        let plan = Plan {
+            skinning: true,
+            ..CLASS.trainer().plan
+        };
+        let lessons = || vec![CLASS.lesson()];
+        let mut first = Trainer::new(lessons(), plan.clone(), CLASS.poses.clone()).expect("poses");
+        let own = first.skin.clone();
+        while first.steps() < 8 {
+            first.step().expect("finite");
+        }
+        let mut model = first.model(Default::default());
+        let begun = |model: &Model, plan: &Plan| {
+            let trainer = Trainer::begun(lessons(), plan.clone(), CLASS.poses.clone(), model);
+            trainer.expect("the same garment").skin
+        };
+        let apart = |a: &Skin, b: &Skin| {
+            assert_eq!((&a.starts, &a.bones), (&b.starts, &b.bones));
+            let all = a.weights.iter().zip(&b.weights);
+            all.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        };
+        assert!(apart(&model.skin, &own) > 0.01);
+        assert!(apart(&begun(&model, &plan), &model.skin) < 1e-5);
+        // Who does not learn them takes them on where the model says that they are learnt.
+        let shapes_alone = CLASS.trainer().plan;
+        assert_eq!(apart(&begun(&model, &shapes_alone), &own), 0.0);
+        model
+            .notes
+            .insert(crate::SKINNING.into(), crate::LEARNT.into());
+        assert!(apart(&begun(&model, &shapes_alone), &model.skin) < 1e-5);
+        // Bones of other numbers are known by their names, and cloth between vertices follows as they do.
+        let last = model.bones.len() as u8 - 1;
+        model.bones.reverse();
+        model.skin.bones.iter_mut().for_each(|b| *b = last - *b);
+        assert!(apart(&begun(&model, &plan), &first.skin) < 1e-5);
+        let faces = &CLASS.cloth.faces;
+        let of = |v: usize| faces.iter().find(|f| f[0] as usize == v);
+        let beside = |v: usize| of(v).map_or(v, |f| f[1] as usize);
+        let template = &CLASS.template;
+        let between = |v: usize| template[v].midpoint(template[beside(v)]);
+        let between: Vec<DVec3> = (0..template.len()).map(between).collect();
+        let near = Near::new(&model, &between).expect("near");
+        let carried = near.skin(&model, (&own, &first.bones), &[]);
+        for v in 0..template.len() {
+            let want = |bone: usize| -> f32 {
+                let both = [v, beside(v)].into_iter().flat_map(|v| first.skin.row(v));
+                both.filter(|e| e.0 == bone).map(|e| 0.5 * e.1).sum()
+            };
+            let sum: f32 = own.row(v).map(|e| want(e.0)).sum();
+            for (bone, w) in carried.row(v) {
+                assert!((w - want(bone) / sum).abs() < 3e-3, "{v} {bone}: {w}");
+            }
+        }
+        // Bones that the model lacks keep a little.
+        model.bones.iter_mut().for_each(|b| b.push('x'));
+        assert!(apart(&begun(&model, &plan), &own) < 1e-5);
     }
 }

@@ -54,6 +54,6 @@ pub use lesson::{Lesson, Plan};
 pub use place::{Place, placed};
 pub use pool::{mixed, sampled, thinned};
 pub use sway::{hold_back, sway};
-pub use trainer::{Energies, Told, Trainer};
+pub use trainer::{Energies, LEARNT, SKINNING, Told, Trainer};
 pub use training::Training;
 pub use weights::diffused;

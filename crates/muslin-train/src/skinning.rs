@@ -131,12 +131,18 @@ impl Skinning {
     }
 
     /// From `∂/∂weights` to `∂/∂numbers`, in place; and what it costs to hold the weights of `pins` where they were [J].
+    /// Ours are not learnt of pins at all: cloth is held there by the bones that move it at first.
     pub fn slopes(&self, numbers: &[f32], pins: &[u32], slopes: &mut [f32]) -> f64 {
         let mut held = 0.0;
         for (v, span) in self.rows().enumerate() {
             let (weights, rates) = self.row(&numbers[span.clone()]);
             let slopes = &mut slopes[span.clone()];
-            if self.whose == Whose::Ncs && pins.contains(&(v as u32)) {
+            let is_held = pins.contains(&(v as u32));
+            if self.whose == Whose::Ours && is_held {
+                slopes.fill(0.0);
+                continue;
+            }
+            if self.whose == Whose::Ncs && is_held {
                 let first = &self.first.weights[span];
                 for ((w, first), slope) in weights.iter().zip(first).zip(&mut *slopes) {
                     let off = w - first;
@@ -211,7 +217,7 @@ mod tests {
                 .map(|x| x + (spread * noise.normal()) as f32)
                 .collect();
             let asked: Vec<f32> = noise.normals(own.len());
-            let pins = [1];
+            let pins = if whose == Whose::Ours { [0] } else { [1] };
             let place = |v: usize, b: usize| {
                 let all = own.first.row(v).position(|e| e.0 == b);
                 own.first.starts[v] as usize + all.expect("it may move the vertex")
@@ -225,6 +231,12 @@ mod tests {
             };
             let mut slopes = asked.clone();
             own.slopes(&numbers, &pins, &mut slopes);
+            if whose == Whose::Ours {
+                let mut held = asked.clone();
+                own.slopes(&numbers, &[1], &mut held);
+                assert_eq!((held[1], held[2]), (0.0, 0.0));
+                assert_eq!((held[0], &held[3..]), (slopes[0], &slopes[3..]));
+            }
             for i in 0..own.len() {
                 let h = 1e-3 * spread as f32;
                 let at = |by: f32| {

@@ -9,7 +9,7 @@ use muslin_net::learn::{AdamState, Mlp, Noise};
 use rayon::prelude::*;
 
 use crate::TrainError;
-use crate::begin;
+use crate::begin::{self, Near};
 use crate::elastic::Elastic;
 use crate::factor::Factor;
 use crate::lanes::{LANES, Row};
@@ -132,6 +132,10 @@ const NEXT_SEED: u64 = 0xd6e8_feb8_6659_fd93;
 const FEWEST: usize = 4 * LANES;
 /// Poses that a motion is judged by, at most.
 const JUDGED: usize = 32;
+/// The note of a model that says whether its skin weights are [`LEARNT`]: whoever begins with it takes those on.
+pub const SKINNING: &str = "skinning";
+/// What that note says where they are.
+pub const LEARNT: &str = "learnt";
 
 impl<'a> Trainer<'a> {
     /// Gets ready to learn from `pool`, whose poses the wearers of the `lessons` share between them. All
@@ -165,7 +169,7 @@ impl<'a> Trainer<'a> {
         lessons.truncate(pool.len() / LANES);
         let wearers = wearers(lessons, &plan)?;
         let lesson = wearers[0].lesson;
-        let (rig, skin) = follow(&lesson)?;
+        let (rig, mut skin) = follow(&lesson)?;
         let name = |b: &usize| lesson.avatar.rig().bones[*b].name.clone();
         let bones: Vec<String> = rig.iter().map(name).collect();
         let drivers: Vec<String> = match model {
@@ -190,8 +194,12 @@ impl<'a> Trainer<'a> {
         let k = plan.codes;
         let (mut params, mut modes) = (encoder.start(&mut noise), vec![0.0; 3 * n * k]);
         if let Some(m) = model {
-            modes = begin::shapes(m, lesson.template)?;
+            let near = Near::new(m, lesson.template)?;
+            modes = near.shapes(m);
             params.clone_from(&m.params);
+            if plan.skinning || m.notes.get(SKINNING).is_some_and(|s| s == LEARNT) {
+                skin = near.skin(m, (&skin, &bones), &lesson.cloth.pins);
+            }
         }
         let skinning = plan
             .skinning

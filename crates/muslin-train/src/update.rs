@@ -60,11 +60,8 @@ impl Trainer<'_> {
             rate: self.plan.rate * self.fading(),
             ..Adam::default()
         };
-        adam.step(
-            &mut self.now.adam,
-            &mut self.now.params,
-            &sum(|w| &w.d_params),
-        );
+        let slopes = [sum(|w| &w.d_params), sum(|w| &w.d_skinning)].concat();
+        adam.step(&mut self.now.adam, &mut self.now.params, &slopes);
         self.bind();
         self.remember(&sum(|w| &w.moments), &sum(|w| w.walls.as_flattened()));
         let (d_modes, keep) = (sum(|w| &w.d_modes), self.plan.momentum);

@@ -29,6 +29,8 @@ const PAIRS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 
 pub(crate) struct Work {
     pub d_modes: Vec<f32>,
     pub d_params: Vec<f32>,
+    /// Of the numbers that skin weights follow from, where those are learnt.
+    pub d_skinning: Vec<f32>,
     pub moments: Vec<f32>,
     /// The codes, one row each.
     pub codes: Vec<f32>,
@@ -63,19 +65,10 @@ impl Trainer<'_> {
     /// Predicts, asks the laws, and goes back as far as the parameters.
     pub(crate) fn work(&self, pack: &mut Pack) -> Work {
         let mut tape = MlpTape::default();
-        let inputs = (pack.inputs.as_flattened(), LANES);
-        let mut codes = self
-            .encoder
-            .forward(self.parts().0, inputs, &mut tape)
-            .to_vec();
-        codes.extend([1.0; LANES]);
-        let wearer = &self.wearers[pack.wearer];
-        let (n, k) = (wearer.cut.n_verts(), self.plan.codes);
+        let (plain, mut x) = self.predict(pack, &mut tape);
+        let (n, k) = (x.len() / 3, self.plan.codes);
         let modes = View::new(&self.now.modes, 3 * n, k);
-        let plain = codes.clone();
-        let codes = View::new(&codes, k, LANES);
-        let mut x = vec![[0.0; LANES]; 3 * n];
-        multiply(x.as_flattened_mut(), 0.0, modes, codes);
+        let codes = View::new(&plain, k, LANES);
         let is_asked = self.plan.relaxed > 0 || self.skinning.is_some();
         let at_rest = is_asked.then(|| x.clone());
         pulp::Arch::new().dispatch(
@@ -117,23 +110,34 @@ impl Trainer<'_> {
         multiply(&mut work.d_modes, 0.0, g, codes.transposed());
         let mut d_codes = vec![0.0; k * LANES];
         multiply(&mut d_codes, 0.0, modes.transposed(), g);
-        let d_bound = std::mem::take(&mut work.d_params);
         work.d_params = vec![0.0; self.parts().0.len()];
         d_codes.truncate((k - 1) * LANES);
         self.encoder
             .backward(self.parts().0, &tape, &d_codes, &mut work.d_params);
-        work.d_params.extend(d_bound);
         work.moments = vec![0.0; k * k];
         let mut weighed = plain.clone();
-        work.codes = plain;
         weighed.chunks_exact_mut(LANES).for_each(weigh);
         let weighed = View::new(&weighed, k, LANES);
         multiply(&mut work.moments, 0.0, weighed, codes.transposed());
+        work.codes = plain;
         work
     }
 
+    /// The codes of a pack, one row each, and by how much its cloth is corrected at rest [m].
+    fn predict(&self, pack: &Pack, tape: &mut MlpTape) -> (Vec<f32>, Vec<Row>) {
+        let inputs = (pack.inputs.as_flattened(), LANES);
+        let mut codes = self.encoder.forward(self.parts().0, inputs, tape).to_vec();
+        codes.extend([1.0; LANES]);
+        let (rows, k) = (self.now.modes.len() / self.plan.codes, self.plan.codes);
+        let mut x = vec![[0.0; LANES]; rows];
+        let modes = View::new(&self.now.modes, rows, k);
+        let told = View::new(&codes, k, LANES);
+        multiply(x.as_flattened_mut(), 0.0, modes, told);
+        (codes, x)
+    }
+
     /// What skin weights do to the cost of a pack whose cloth lies at rest by `d` off its template [m], from the forces
-    /// of its `work`, which are not needed any more: to be the last of its parameters' slopes.
+    /// of its `work`, which are not needed any more.
     fn pull(&self, (skinning, pack): (&Skinning, &Pack), d: &[Row], work: &mut Work) {
         let mut g = std::mem::take(&mut work.forces);
         let share = 1.0 / LANES as f32;
@@ -141,10 +145,10 @@ impl Trainer<'_> {
             let each = row.iter_mut().zip(&work.counts);
             each.for_each(|(x, count)| *x *= count * share);
         }
-        work.d_params = vec![0.0; skinning.len()];
-        let laid = (&self.wearers[pack.wearer].template[..], d);
-        skinning.pull(&pack.bones, laid, &g, &mut work.d_params);
-        skinning.slopes(self.parts().1, &[], &mut work.d_params);
+        work.d_skinning = vec![0.0; skinning.len()];
+        let Wearer { cut, template, .. } = &self.wearers[pack.wearer];
+        skinning.pull(&pack.bones, (template, d), &g, &mut work.d_skinning);
+        skinning.slopes(self.parts().1, &cut.pins, &mut work.d_skinning);
     }
 
     /// From corrections at rest to positions in the poses, in place.
@@ -352,6 +356,7 @@ mod tests {
     use super::*;
     use crate::testing::{Class, Other, USUAL, go_on_alike};
     use crate::{Plan, TrainError, Training};
+    use muslin_model::Skin;
 
     static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
     static OUTFIT: LazyLock<Class> = LazyLock::new(Class::outfit);
@@ -384,9 +389,16 @@ mod tests {
         while trainer.steps() < 3 {
             trainer.step().expect("finite");
         }
-        // Of the bones that moved each vertex before.
+        // Of the bones that moved each vertex before, and of no vertex that bones hold.
         assert_eq!(trainer.skin.bones, before.bones);
-        assert!(trainer.skin.weights != before.weights);
+        let row = |s: &Skin, v: u32| s.row(v as usize).map(|e| e.1).collect::<Vec<_>>();
+        for v in 0..before.n_verts() as u32 {
+            let [was, is] = [&before, &trainer.skin].map(|s| row(s, v));
+            let off = was.iter().zip(&is).map(|(a, b)| (a - b).abs());
+            let off = off.fold(0.0, f32::max);
+            let is_held = CLASS.cloth.pins.contains(&v);
+            assert!(was.len() == 1 || is_held == (off < 1e-6), "{v}: {off}");
+        }
         let mut again = binding();
         again
             .restore(&trainer.keep())
@@ -535,9 +547,9 @@ mod tests {
         let last = if trainer.skinning.is_some() { 3 } else { 2 };
         for which in 0..last {
             let (first, gradient) = match which {
-                0 => (0, &work.d_modes[..]),
-                1 => (0, &work.d_params[..n]),
-                _ => (n, &work.d_params[n..]),
+                0 => (0, &work.d_modes),
+                1 => (0, &work.d_params),
+                _ => (n, &work.d_skinning),
             };
             let norm = gradient
                 .iter()

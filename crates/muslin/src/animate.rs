@@ -54,16 +54,14 @@ pub fn animate(
     watch: &mut Watch,
 ) -> Result<Outcome, Failure> {
     options.check(out)?;
-    let hero = Hero::load(&options.simulate.dress)?;
-    let avatar = avatar_of(hero.as_ref())?;
     let models = models(options)?;
     for model in &models {
         knows(model, options)?;
+        wants_character(model, options.simulate.dress.body.is_some())?;
     }
     let simulate = as_trained(&models, &options.simulate)?;
-    for model in &models {
-        wants_character(model, hero.as_ref())?;
-    }
+    let hero = Hero::load(&simulate.dress)?;
+    let avatar = avatar_of(hero.as_ref())?;
     let folders = Folders::open(out, &simulate)?;
     let mut stage = Theatre {
         hero: hero.as_ref(),
@@ -117,10 +115,15 @@ fn knows(model: &Model, options: &AnimateOptions) -> Result<(), Failure> {
         .hint("our own models and those of `muslin train ncs` have one"))
 }
 
+/// The body that a model was taught on.
+fn body_of(model: &Model) -> &str {
+    model.notes.get("body").map_or(OURS, String::as_str)
+}
+
 /// Refuses a model that was taught on a character without that character.
-pub(crate) fn wants_character(model: &Model, hero: Option<&Hero>) -> Result<(), Failure> {
-    let taught = model.notes.get("body").map_or(OURS, String::as_str);
-    if hero.is_some() || taught == OURS {
+pub(crate) fn wants_character(model: &Model, is_character: bool) -> Result<(), Failure> {
+    let taught = body_of(model);
+    if is_character || taught == OURS {
         return Ok(());
     }
     let what = format!("the model was taught on a character ({taught})");
@@ -191,15 +194,18 @@ fn dress_of((k, model): (usize, &Model), asked: &DressOptions) -> Result<DressOp
         _ => Cut::Regular,
     };
     let fabric = asked.outfit.get(k).and_then(|w| w.fabric.clone());
+    // A character is not as tall and heavy as one of our bodies that the model was taught on, nor the other way round.
+    let is_alike = asked.body.is_some() == (body_of(model) != OURS);
+    let shape = |name: &str| if is_alike { number(name) } else { Ok(None) };
     let wear = Wear {
         garment: note("garment").to_owned(),
         fabric: fabric.or_else(|| Some(note("fabric").to_owned())),
     };
     Ok(DressOptions {
         outfit: vec![wear],
-        height: asked.height.or(number("height")?),
-        weight: asked.weight.or(number("weight")?),
-        gender: asked.gender.or(number("gender")?),
+        height: asked.height.or(shape("height")?),
+        weight: asked.weight.or(shape("weight")?),
+        gender: asked.gender.or(shape("gender")?),
         edge: number("edge")?.unwrap_or(asked.edge),
         cut,
         size: asked.size.or_else(|| Size::parse(note("size")).ok()),

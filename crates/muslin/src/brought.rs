@@ -11,6 +11,8 @@ use crate::drape::{cloth, places, put_on};
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::figure::{body_failure, body_frame};
+use crate::hero::{Hero, standing};
+use crate::options::DressOptions;
 use crate::outfit::{Outfit, Piece};
 
 /// The garments of a file, innermost first, and what there is to say about them.
@@ -97,6 +99,18 @@ pub(crate) fn dressed(
         worn.verts = settled.verts[part.verts].to_vec();
     }
     Ok(worn)
+}
+
+/// Somebody as the options have them, and their outfit as it lies around them when it is put on ([`dressed`]).
+pub(crate) fn standing_in(
+    (avatar, hero): (&Avatar, Option<&Hero>),
+    options: &DressOptions,
+) -> Result<(Figure, Outfit, Vec<Worn>), Failure> {
+    let figure = standing(avatar, hero, options)?.figure;
+    let outfit = Outfit::make_for((avatar, hero), options, |_| {})?;
+    let stands = avatar.dressing(&figure);
+    let worn = dressed(avatar, &outfit, (&figure, &stands))?;
+    Ok((figure, outfit, worn))
 }
 
 /// Whether a garment of a file lies as it came to rest when it was read: alone, on the default body.

@@ -219,7 +219,7 @@ impl Room<'_> {
     /// A trained garment, held against what is cut today.
     fn model(&self, path: &Path) -> Result<Found, Failure> {
         let model = read_model(path)?;
-        wants_character(&model, self.who.1)?;
+        wants_character(&model, self.who.1.is_some())?;
         let options = SimulateOptions {
             dress: self.options.clone(),
             ..SimulateOptions::default()

@@ -12,8 +12,6 @@ use muslin_sim::{
 use crate::begin::begin;
 use crate::failure::{Exit, Failure};
 use crate::figure::Sitter;
-use crate::hero::standing;
-use crate::options::DressOptions;
 use crate::outfit::Outfit;
 use crate::wardrobe::{Known, taught};
 use crate::watch::Watch;
@@ -214,18 +212,6 @@ pub(crate) fn put_on(
     let (own, wide) = rayon::join(|| on(figure), || on(&cut.stood));
     let worn = outfit.pieces.iter().zip(own?.into_iter().zip(wide?));
     Ok(worn.map(|(p, w)| cut.taken_over(p, w)).collect())
-}
-
-/// Somebody of our own body as the options have them, and their outfit on them.
-pub(crate) fn standing_in(
-    avatar: &Avatar,
-    options: &DressOptions,
-) -> Result<(Figure, Outfit, Vec<Worn>), Failure> {
-    let figure = standing(avatar, None, options)?.figure;
-    let outfit = Outfit::make_for((avatar, None), options, |_| {})?;
-    let (_, stood) = avatar.dressing(&figure);
-    let worn = put_on(avatar, &outfit, &stood)?;
-    Ok((figure, outfit, worn))
 }
 
 /// Where all garments are [m], one after the other.

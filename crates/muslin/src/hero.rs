@@ -1,7 +1,7 @@
 //! Who wears it: our own body, or a character that our body is made to resemble.
 
 use glam::DAffine3;
-use muslin_body::{Avatar, Character, Figure, Motion, Shape, Twin};
+use muslin_body::{Avatar, Character, Figure, Motion, Pose, Shape, Twin};
 use muslin_geom::Report;
 use muslin_io::{CharacterFile, read_character};
 
@@ -78,13 +78,15 @@ impl Hero {
             return Ok(None);
         };
         let frames = self.file.play(clip, fps).map_err(|e| file_failure(&e))?;
-        let pose = |joints: &Vec<DAffine3>| {
+        let (mut follower, mut pose) = (self.twin.follower(), Pose::rest(&self.twin.avatar));
+        let poses = frames.iter().map(|joints| {
             let ours: Vec<DAffine3> = joints.iter().map(|j| self.ours_from_file * *j).collect();
-            self.twin.pose_of(&ours)
-        };
+            follower.follow(&ours, &mut pose);
+            pose.clone()
+        });
         Ok(Some(Motion {
             fps,
-            poses: frames.iter().map(pose).collect(),
+            poses: poses.collect(),
         }))
     }
 

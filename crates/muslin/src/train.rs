@@ -20,7 +20,7 @@ use muslin_geom::{Report, Value};
 use muslin_io::{Journal, report_json, write_file, write_weights};
 use muslin_model::Model;
 use muslin_train::published::{Published, System};
-use muslin_train::{Told, Trainer, Training, placed};
+use muslin_train::{LEARNT, SKINNING, Told, Trainer, Training, placed};
 
 use crate::animate::read_model;
 use crate::brought::is_file;
@@ -451,11 +451,21 @@ impl School<'_, '_> {
             ("licence", learnt.licence()),
             ("steps", last.step.to_string()),
             ("seed", self.options.seed.to_string()),
+            (SKINNING, self.skinning(class).into()),
             ("system", system.map_or("muslin", System::name).to_owned()),
             ("fps", lessons::rate(system).to_string()),
             ("muslin", env!("CARGO_PKG_VERSION").into()),
         ];
         notes.map(|(k, v)| (k.to_owned(), v)).into()
+    }
+
+    /// How the cloth came to follow the bones as it does.
+    fn skinning(&self, class: &Class) -> &'static str {
+        let begun = class.begun.as_ref().and_then(|m| m.notes.get(SKINNING));
+        match self.options.learn_skinning || begun.is_some_and(|s| s == LEARNT) {
+            true => LEARNT,
+            false => "given",
+        }
     }
 
     fn told(&mut self, last: &Told, codes: usize) {

@@ -10,7 +10,8 @@ use muslin_model::{Model, Player};
 use rayon::prelude::*;
 
 use crate::animate::{as_trained, decode_model, model_failure};
-use crate::drape::{cloth, standing_in};
+use crate::brought::standing_in;
+use crate::drape::cloth;
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
@@ -63,7 +64,7 @@ pub fn swung_anew() -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
         let mut weights = read_weights(name, bytes).map_err(|e| file_failure(&e))?;
         let model = Model::from_weights(&weights).map_err(|e| model_failure(&e))?;
         let asked = as_trained(slice::from_ref(&model), &SimulateOptions::default())?.dress;
-        let (figure, outfit, worn) = standing_in(&avatar, &asked)?;
+        let (figure, outfit, worn) = standing_in((&avatar, None), &asked)?;
         let cloth = cloth(&outfit, &worn);
         let model = swings::swinging(model, (&avatar, &figure), &cloth)?;
         let swings = |name: &String| name.starts_with("sway.");

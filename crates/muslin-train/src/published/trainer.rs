@@ -235,9 +235,9 @@ impl<'a> Published<'a> {
 
     /// Binds the cloth as it was learnt to be bound by now.
     pub(crate) fn bind(&mut self) {
-        let [_, _, numbers] = self.parts();
-        let skin = self.skinning.as_ref().map(|s| s.skin(numbers));
-        self.skin = skin.unwrap_or_else(|| std::mem::take(&mut self.skin));
+        if let Some(skinning) = &self.skinning {
+            self.skin = skinning.skin(self.parts()[2]);
+        }
     }
 
     /// How many windows there are to learn from.

@@ -15,22 +15,7 @@ static OUTFIT: LazyLock<Class> = LazyLock::new(Class::outfit);
 
 /// Where the cloth of a pack is now [m].
 fn laid(trainer: &Trainer, pack: &Pack) -> Vec<Row> {
-    let mut tape = MlpTape::default();
-    let inputs = (pack.inputs.as_flattened(), LANES);
-    let codes = trainer
-        .encoder
-        .forward(trainer.parts().0, inputs, &mut tape);
-    let codes = [codes, &[1.0; LANES]].concat();
-    let (n, k) = (
-        trainer.wearers[pack.wearer].cut.n_verts(),
-        trainer.plan.codes,
-    );
-    let mut x = vec![[0.0; LANES]; 3 * n];
-    let (modes, codes) = (
-        View::new(&trainer.now.modes, 3 * n, k),
-        View::new(&codes, k, LANES),
-    );
-    multiply(x.as_flattened_mut(), 0.0, modes, codes);
+    let (_, mut x) = trainer.predict(pack, &mut MlpTape::default());
     trainer.carry(pack, &mut x);
     x
 }

@@ -210,7 +210,7 @@ pub fn garments(
     let avatar = &avatar_of(hero.as_ref())?;
     let who: Wearer = (avatar, hero.as_ref());
     for subject in &subjects {
-        wants_character(&subject.model, who.1)?;
+        wants_character(&subject.model, who.1.is_some())?;
     }
     let parts = parts(&subjects, &trials.only);
     if parts.is_empty() && !on_sphere {

@@ -274,6 +274,21 @@ impl TrainOptions {
         Ok(())
     }
 
+    /// Refuses skin weights that are to be learnt by what learns shapes alone.
+    fn can_learn_skinning(&self) -> Result<(), Failure> {
+        let others = [
+            ("--relax", self.relaxed.is_some()),
+            ("--device cuda", self.device == Place::Cuda),
+        ];
+        let other = others.into_iter().find(|o| self.learn_skinning && o.1);
+        let Some((option, _)) = other else {
+            return Ok(());
+        };
+        let what = format!("skin weights are not learnt with {option}");
+        let fault = Failure::new(Exit::Usage, "skinning", what).at("--learn-skinning");
+        Err(fault.hint(format!("leave out --learn-skinning or {option}")))
+    }
+
     /// Refuses an outfit where one garment alone is taught.
     fn outfit_fits(&self) -> Result<(), Failure> {
         let n = self.dress.outfit.len();
@@ -308,17 +323,7 @@ impl TrainOptions {
             );
         }
         self.begins_once()?;
-        let others = [
-            ("--relax", self.relaxed.is_some()),
-            ("--from", self.from.is_some()),
-            ("--coarse", self.coarse.is_some()),
-            ("--device cuda", self.device == Place::Cuda),
-        ];
-        if let Some((option, _)) = others.iter().find(|o| self.learn_skinning && o.1) {
-            let what = format!("skin weights are not learnt with {option}");
-            let fault = Failure::new(Exit::Usage, "skinning", what).at("--learn-skinning");
-            return Err(fault.hint(format!("leave out --learn-skinning or {option}")));
-        }
+        self.can_learn_skinning()?;
         within("--steps", "", Some(self.steps as f64), (1.0, 1e7))?;
         within("--codes", "", self.codes.map(|x| x as f64), (2.0, 512.0))?;
         within("--poses", "", Some(self.poses as f64), (1.0, 1e5))?;

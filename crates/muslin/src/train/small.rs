@@ -45,37 +45,37 @@ pub(super) fn stored(
     asked: Option<Precision>,
 ) -> Result<Stored, Failure> {
     let read = |w: &Weights| Model::from_weights(w).map_err(|e| model_failure(&e));
-    let mut too_far = None;
-    let finer = match (asked, swings::are_ours(model)) {
-        (Some(Precision::Single), _) => &[Precision::Single][..],
-        (Some(Precision::Half), _) | (_, false) => &[Precision::Half],
-        (Some(Precision::Eight), true) => &[Precision::Eight, Precision::Twelve],
-        (Some(Precision::Twelve) | None, true) => &[Precision::Twelve],
-    };
-    for &precision in finer {
-        let weights = model.to_weights_in(precision);
-        let mut worst = None;
-        if matches!(precision, Precision::Eight | Precision::Twelve) {
-            let (read, usual) = (read(&weights)?, read(&model.to_weights())?);
-            for pupil in some(pupils, WEARERS) {
-                let apart = apart((&usual, &read), (avatar, pupil), poses);
-                let apart = apart.map_err(|e| model_failure(&e))?;
-                worst = Some(apart.max(worst.unwrap_or(0.0)));
-            }
+    let (steps, floats) = match (asked, swings::are_ours(model)) {
+        (Some(Precision::Single), _) => (&[][..], Precision::Single),
+        (Some(Precision::Half), _) | (_, false) => (&[][..], Precision::Half),
+        (Some(Precision::Eight), true) => {
+            (&[Precision::Eight, Precision::Twelve][..], Precision::Half)
         }
-        if worst.is_none_or(|off| off <= MOST) {
+        (Some(Precision::Twelve) | None, true) => (&[Precision::Twelve][..], Precision::Half),
+    };
+    let usual = read(&model.to_weights())?;
+    let mut too_far = None;
+    for &precision in steps {
+        let weights = model.to_weights_in(precision);
+        let packed = read(&weights)?;
+        let mut worst = 0.0f64;
+        for pupil in some(pupils, WEARERS) {
+            let apart = apart((&usual, &packed), (avatar, pupil), poses);
+            worst = worst.max(apart.map_err(|e| model_failure(&e))?);
+        }
+        if worst <= MOST {
             return Ok(Stored {
                 weights,
                 precision,
-                off: worst,
+                off: Some(worst),
                 too_far,
             });
         }
-        too_far = too_far.or(worst);
+        too_far.get_or_insert(worst);
     }
     Ok(Stored {
-        weights: model.to_weights(),
-        precision: Precision::Half,
+        weights: model.to_weights_in(floats),
+        precision: floats,
         off: None,
         too_far,
     })
