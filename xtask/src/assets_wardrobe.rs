@@ -34,8 +34,19 @@ const RECORDINGS: [&str; 9] = [
 const TERMS: &str = "the terms of the CMU Graphics Lab Motion Capture Database (mocap.cs.cmu.edu, funded by NSF \
                      EIA-0196217): free for any use, also in products, not to be resold as motion data";
 /// For whom, and of how many poses, shown and mixed.
-const HOW: [&str; 10] = [
-    "--fabric", "any", "--shape", "any", "--sizes", "any", "--poses", "600", "--mixed", "1400",
+const HOW: [&str; 12] = [
+    "--fabric",
+    "any",
+    "--shape",
+    "any",
+    "--sizes",
+    "any",
+    "--poses",
+    "600",
+    "--mixed",
+    "1400",
+    "--skinning",
+    "learnt",
 ];
 
 /// The recordings in a folder.

@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use muslin::bench::{Trials, Walks};
 use muslin::{
     Against, AnimateOptions, Backdrop, Bake, Cut, DressOptions, EvaluateOptions, Person, Place,
-    Precision, SimulateOptions, Size, StretchLaw, System, TrainOptions, Wear,
+    Precision, SimulateOptions, Size, Skinning, StretchLaw, System, TrainOptions, Wear,
 };
 
 /// Dresses any body in moving cloth: from a photo to a 3D figure wearing draped garments.
@@ -321,9 +321,10 @@ pub struct Train {
     /// How the cloth of ncs resists stretch [default: baraff-witkin].
     #[arg(long, value_enum, value_name = "LAW")]
     pub stretch: Option<StretchName>,
-    /// Learn skin weights as well, on cores: cloth that no bone moves as it should is then stretched less. Not for snug.
-    #[arg(long)]
-    pub learn_skinning: bool,
+    /// How the cloth comes to follow the bones [default: learnt by our own network on cores and without --relax, else
+    /// given].
+    #[arg(long, value_enum, value_name = "HOW")]
+    pub skinning: Option<SkinningName>,
     /// Let outer garments of pbns not push those below them.
     #[arg(long)]
     pub stop_gradient: bool,
@@ -476,6 +477,15 @@ pub enum StretchName {
     Stvk,
     /// Yarns, 10 N/m, and shear, 1 N/m.
     BaraffWitkin,
+}
+
+/// Names of [`Skinning`].
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum SkinningName {
+    /// As the skin below it does, spread.
+    Given,
+    /// As training makes of that: cloth that no bone moves as it should is then stretched less. On cores; not for snug.
+    Learnt,
 }
 
 /// Names of [`Precision`].
@@ -806,7 +816,7 @@ impl Train {
             without_gravity: self.without_gravity,
             augment: self.augment,
             stretch: self.stretch.map(StretchLaw::from),
-            learn_skinning: self.learn_skinning,
+            skinning: self.skinning.map(Skinning::from),
             stop_gradient: self.stop_gradient,
             fairness: self.fairness,
             relaxed: self.relax,
@@ -875,6 +885,15 @@ impl From<WeightsName> for Precision {
             WeightsName::F32 => Precision::Single,
             WeightsName::F16 => Precision::Half,
             WeightsName::I8 => Precision::Eight,
+        }
+    }
+}
+
+impl From<SkinningName> for Skinning {
+    fn from(name: SkinningName) -> Self {
+        match name {
+            SkinningName::Given => Skinning::Given,
+            SkinningName::Learnt => Skinning::Learnt,
         }
     }
 }

@@ -385,24 +385,27 @@ fn a_file_has_the_numbers_that_are_asked_for_and_plays_alike_in_all_of_them() {
     let usual = written(&[], "12-bit steps");
     let eight = written(&["--weights", "i8"], "8-bit steps");
     assert!(single.0 > half.0 && half.0 > usual.0 && usual.0 > eight.0);
-    for (other, most) in [(half.1, 2e-5), (usual.1, 1e-4), (eight.1, 6e-4)] {
+    for (other, most) in [(&half.1, 2e-5), (&usual.1, 1e-4), (&eight.1, 6e-4)] {
         let pairs = single.1.iter().flatten().zip(other.iter().flatten());
         let worst = pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
         assert!(0.0 < worst && worst < most, "{worst} of {most}");
     }
-    let bound = written(&["--learn-skinning"], "12-bit steps");
-    assert!(bound.1 != single.1);
+    let given = written(&["--skinning", "given"], "12-bit steps");
+    assert!(given.1 != usual.1);
+    let learnt = written(&["--skinning", "learnt"], "12-bit steps");
+    assert!(learnt.1 == usual.1, "learnt if nothing is said");
     for option in [["--relax", "2"], ["--device", "cuda"]] {
-        let done = train(&model, &[&["--learn-skinning"], &option[..]].concat());
+        let done = train(&model, &[&["--skinning", "learnt"], &option[..]].concat());
         assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
         assert!(
-            errors(&done).contains("--learn-skinning"),
+            errors(&done).contains("--skinning learnt"),
             "{}",
             errors(&done)
         );
     }
     // Where shapes are large, bytes are too coarse.
-    let done = train(&model, &["--steps", "20", "--weights", "i8"]);
+    let coarse = ["--steps", "20", "--skinning", "given", "--weights", "i8"];
+    let done = train(&model, &coarse);
     assert!(errors(&done).contains("12-bit steps"), "{}", errors(&done));
     let refused = published("pbns", &model, &["--weights", "i8"]);
     assert_eq!(refused.status.code(), Some(2), "{}", errors(&refused));
@@ -414,9 +417,9 @@ fn published_systems_are_taught_and_played_and_motion_has_a_level_where_it_is_to
     for system in ["pbns", "snug", "ncs"] {
         let model = folder.at(&format!("{system}.muslin"));
         let own: &[&str] = match system {
-            "pbns" => &["--mixed", "0", "--learn-skinning", "--stop-gradient"],
+            "pbns" => &["--mixed", "0", "--skinning", "learnt", "--stop-gradient"],
             "snug" => &["--shape", "any"],
-            _ => &["--stretch", "stvk", "--learn-skinning"],
+            _ => &["--stretch", "stvk", "--skinning", "learnt"],
         };
         let done = published(system, &model, &[&["--steps", "2"], own].concat());
         assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
@@ -508,10 +511,13 @@ fn options_of_another_trainer_are_refused_by_name() {
         assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
         assert!(errors(&done).contains(option), "{}", errors(&done));
     }
-    for (system, option) in [("snug", "--learn-skinning"), ("ncs", "--stop-gradient")] {
-        let done = published(system, &out, &[option]);
+    for (system, options) in [
+        ("snug", &["--skinning", "learnt"][..]),
+        ("ncs", &["--stop-gradient"]),
+    ] {
+        let done = published(system, &out, options);
         assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
-        assert!(errors(&done).contains(option), "{}", errors(&done));
+        assert!(errors(&done).contains(options[0]), "{}", errors(&done));
     }
     let done = published("vae", &out, &[]);
     assert_eq!(done.status.code(), Some(2), "{}", errors(&done));

@@ -51,7 +51,7 @@ mod work;
 pub use error::TrainError;
 pub use kept::in_another_order;
 pub use lesson::{Lesson, Plan};
-pub use place::{Place, placed};
+pub use place::{Place, has_device, placed};
 pub use pool::{mixed, sampled, thinned};
 pub use sway::{hold_back, sway};
 pub use trainer::{Energies, LEARNT, SKINNING, Told, Trainer};

@@ -43,6 +43,14 @@ pub fn placed(trainer: Trainer<'_>, place: Place) -> Result<Placed<'_>, TrainErr
     }
 }
 
+/// Whether there is a CUDA device that can train, and the program was built for it.
+pub fn has_device() -> bool {
+    #[cfg(feature = "cuda")]
+    return crate::cuda::Device::cuda().is_ok();
+    #[cfg(not(feature = "cuda"))]
+    false
+}
+
 fn on_cores(trainer: Box<Trainer<'_>>) -> Placed<'_> {
     let n = rayon::current_num_threads();
     let cores = if n == 1 { "core" } else { "cores" };

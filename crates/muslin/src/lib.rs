@@ -53,6 +53,6 @@ pub use play::Playing;
 pub use simulate::{Bake, SimulateOptions, simulate, simulate_several};
 pub use size::Size;
 pub use table::Table;
-pub use train::{TrainOptions, train};
+pub use train::{Skinning, TrainOptions, train};
 pub use wardrobe::{swung_anew, under_terms};
 pub use watch::{Stage, Watch};

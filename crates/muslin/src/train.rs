@@ -41,7 +41,7 @@ pub(crate) use kept::failure;
 use kept::{beside, keep, resume, stopped};
 use lessons::Class;
 use log::Log;
-pub use options::TrainOptions;
+pub use options::{Skinning, TrainOptions};
 use pace::Pace;
 use safe::Safe;
 use sketch::Sketch;
@@ -63,7 +63,7 @@ const KEEP_EVERY: f64 = 60.0;
 /// there and gives the same bits as one that was never stopped.
 pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Outcome, Failure> {
     options.check(out)?;
-    let options = &options.with_fabric(|w| watch.warn(w));
+    let options = &options.with_fabric(|w| watch.warn(w)).with_skinning();
     let hero = Hero::load(&options.dress)?;
     let avatar = avatar_of(hero.as_ref())?;
     let mut school = School {
@@ -462,7 +462,7 @@ impl School<'_, '_> {
     /// How the cloth came to follow the bones as it does.
     fn skinning(&self, class: &Class) -> &'static str {
         let begun = class.begun.as_ref().and_then(|m| m.notes.get(SKINNING));
-        match self.options.learn_skinning || begun.is_some_and(|s| s == LEARNT) {
+        match self.options.learns_skinning() || begun.is_some_and(|s| s == LEARNT) {
             true => LEARNT,
             false => "given",
         }

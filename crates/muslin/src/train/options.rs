@@ -6,7 +6,7 @@ use muslin_body::motions;
 use muslin_garment::Fabric;
 use muslin_model::Precision;
 use muslin_train::published::{Course, Isotropic, StretchLaw, System};
-use muslin_train::{Place, Plan};
+use muslin_train::{Place, Plan, has_device};
 
 use crate::failure::{Exit, Failure};
 use crate::options::{DressOptions, Wear, within};
@@ -54,8 +54,8 @@ pub struct TrainOptions {
     pub augment: Option<f64>,
     /// How the cloth of NCS resists stretch; by yarns and shear if not said.
     pub stretch: Option<StretchLaw>,
-    /// Whether skin weights are learnt as well; not by SNUG.
-    pub learn_skinning: bool,
+    /// How the cloth comes to follow the bones; if not said, our own network learns it on cores where cloth is not let go.
+    pub skinning: Option<Skinning>,
     /// Whether PBNS's outer garments do not push those below.
     pub stop_gradient: bool,
     /// How steeply poses that cost much count for less in our own training; 1.5 if not said.
@@ -104,7 +104,7 @@ impl Default for TrainOptions {
             warm: None,
             augment: None,
             stretch: None,
-            learn_skinning: false,
+            skinning: None,
             stop_gradient: false,
             fairness: None,
             relaxed: None,
@@ -117,6 +117,15 @@ impl Default for TrainOptions {
             resume: false,
         }
     }
+}
+
+/// How cloth comes to follow the bones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Skinning {
+    /// As the skin below it does, spread.
+    Given,
+    /// As training makes of that.
+    Learnt,
 }
 
 /// The fabric of the published systems, if no other is asked for.
@@ -208,8 +217,8 @@ impl TrainOptions {
                 "ncs",
             ),
             (
-                "--learn-skinning",
-                self.learn_skinning && is(System::Snug),
+                "--skinning",
+                self.skinning == Some(Skinning::Learnt) && is(System::Snug),
                 "our own network, pbns and ncs",
             ),
             (
@@ -274,19 +283,42 @@ impl TrainOptions {
         Ok(())
     }
 
-    /// Refuses skin weights that are to be learnt by what learns shapes alone.
-    fn can_learn_skinning(&self) -> Result<(), Failure> {
+    /// What our own network learns shapes alone with, if that is asked for.
+    fn with_shapes_alone(&self) -> Option<&'static str> {
         let others = [
-            ("--relax", self.relaxed.is_some()),
+            ("--relax", self.relaxed.is_some_and(|k| k > 0)),
             ("--device cuda", self.device == Place::Cuda),
         ];
-        let other = others.into_iter().find(|o| self.learn_skinning && o.1);
-        let Some((option, _)) = other else {
+        others.into_iter().find(|o| o.1).map(|o| o.0)
+    }
+
+    /// Refuses skin weights that are to be learnt by what learns shapes alone.
+    fn can_learn_skinning(&self) -> Result<(), Failure> {
+        let asked = self.skinning == Some(Skinning::Learnt);
+        let Some(option) = self.with_shapes_alone().filter(|_| asked) else {
             return Ok(());
         };
         let what = format!("skin weights are not learnt with {option}");
-        let fault = Failure::new(Exit::Usage, "skinning", what).at("--learn-skinning");
-        Err(fault.hint(format!("leave out --learn-skinning or {option}")))
+        let fault = Failure::new(Exit::Usage, "skinning", what).at("--skinning learnt");
+        Err(fault.hint(format!("leave out --skinning or {option}")))
+    }
+
+    /// The same with skin weights as they are going to be: if nothing is said, our own network learns them where it can.
+    pub(super) fn with_skinning(&self) -> Self {
+        let on_device = || self.device == Place::Any && has_device();
+        let usual = match self.system.is_none() && self.with_shapes_alone().is_none() {
+            true if !on_device() => Skinning::Learnt,
+            _ => Skinning::Given,
+        };
+        Self {
+            skinning: Some(self.skinning.unwrap_or(usual)),
+            ..self.clone()
+        }
+    }
+
+    /// Whether skin weights are learnt, where that is settled ([`Self::with_skinning`]).
+    pub(super) fn learns_skinning(&self) -> bool {
+        self.skinning == Some(Skinning::Learnt)
     }
 
     /// Refuses an outfit where one garment alone is taught.
@@ -359,7 +391,7 @@ impl TrainOptions {
             rate: self.rate.map_or(usual.rate, |r| r as f32),
             fairness: self.fairness.map_or(usual.fairness, |p| p as f32),
             relaxed: self.relaxed.unwrap_or(usual.relaxed),
-            skinning: self.learn_skinning,
+            skinning: self.learns_skinning(),
             ..usual
         }
     }
@@ -382,7 +414,7 @@ impl TrainOptions {
             sheet: (system == System::Snug && fabric.name != PAPER_FABRIC)
                 .then(|| isotropic(fabric)),
             stretch: self.stretch.unwrap_or(usual.stretch),
-            skinning: self.learn_skinning,
+            skinning: self.learns_skinning(),
             one_way: self.stop_gradient,
             seed: self.seed,
             ..usual
