@@ -77,8 +77,9 @@ void muslin_begin(muslin_garment *garment, float seconds);
 void muslin_motion_level(muslin_garment *garment, float level);
 
 /* The cloth in the next pose. `turns`: four numbers a bone, its turn from rest in its parent's frame. `root`: how far
- * the body is moved [m]. `vertices`: room for three numbers a vertex [m]. 0 if all is well; 1 where a number is not
- * finite or a turn is nothing: then `vertices` is left as it was, and the sequence begins anew. */
+ * the body is moved [m]. On a character both are of our body in its likeness, and so is the cloth. `vertices`: room for
+ * three numbers a vertex [m]. 0 if all is well; 1 where a number is not finite or a turn is nothing: then `vertices` is
+ * left as it was, and the sequence begins anew. */
 int muslin_frame(muslin_garment *garment, const float *turns, const float root[3], float *vertices);
 
 /* The same, and the unit normal of every vertex: `normals` is room for three numbers a vertex. */

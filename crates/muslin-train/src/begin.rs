@@ -33,6 +33,7 @@ pub(crate) fn fits(model: &Model, encoder: &Mlp, lesson: &Lesson<'_>) -> Result<
 pub(crate) fn identity(model: &Model) -> u64 {
     let scale = model.scale.as_flattened().iter();
     let all = scale.chain(&model.params).chain(&model.modes);
+    let all = all.chain(&model.skin.weights);
     sum(&mut all.map(|x| f64::from(*x)))
 }
 
