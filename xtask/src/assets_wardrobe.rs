@@ -11,14 +11,15 @@ use std::process::Command;
 
 use crate::Outcome;
 
-/// Garments that are taught, how steeply hard poses count for less, and where random numbers start in the last stage: the
-/// dress of the first seed does not fit in 12-bit shapes.
-const NAMES: [(&str, [&str; 2]); 4] = [
-    ("tee", ["1.5", "1"]),
-    ("trousers", ["1.5", "1"]),
-    ("skirt", ["1", "1"]),
-    ("dress", ["1.5", "2"]),
+/// Garments that are taught, and how steeply hard poses count for less.
+const NAMES: [(&str, &str); 4] = [
+    ("tee", "1.5"),
+    ("trousers", "1.5"),
+    ("skirt", "1"),
+    ("dress", "1.5"),
 ];
+/// Where random numbers start in the last stage: the fabrics drawn by the first seed bend more easily than denim.
+const SEED: &str = "2";
 /// Edges of the cloth [mm] and how many steps, each going on from what the one before has learnt: coarse steps take a
 /// quarter of the time and get farther. The last edge is that of the wardrobe.
 const STAGES: [[&str; 2]; 3] = [["25", "6000"], ["17", "1500"], ["12", "2500"]];
@@ -108,7 +109,7 @@ pub fn build(args: &[&str]) -> Outcome {
     let names = if names.is_empty() { &all[..] } else { names };
     let folder = Path::new(FOLDER);
     for name in names {
-        let Some((_, [fairness, seed])) = NAMES.iter().find(|n| n.0 == *name) else {
+        let Some((_, fairness)) = NAMES.iter().find(|n| n.0 == *name) else {
             return Err(format!("{name}: not in the wardrobe ({})", all.join(", ")));
         };
         let model = folder.join(format!("{name}.muslin"));
@@ -121,7 +122,7 @@ pub fn build(args: &[&str]) -> Outcome {
             let how = ["--edge", edge, "--steps", steps, "--fairness", fairness];
             let mut how: Vec<OsString> = how.iter().map(OsString::from).collect();
             if k + 1 == STAGES.len() {
-                how.extend(["--seed".into(), seed.into()]);
+                how.extend(["--seed".into(), SEED.into()]);
             }
             if let Some(before) = &before {
                 how.extend(["--from".into(), before.into()]);

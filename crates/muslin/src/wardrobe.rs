@@ -226,11 +226,13 @@ pub(crate) fn around(
 #[cfg(test)]
 mod tests {
     use muslin_body::Shape;
+    use muslin_train::{LEARNT, SKINNING};
 
     use super::*;
     use crate::drape::put_on;
     use crate::figure::Sitter;
     use crate::options::{DressOptions, Wear};
+    use crate::train::variety;
 
     fn outfit(avatar: &Avatar, worn: &str, edge: f64) -> Outfit {
         let options = DressOptions {
@@ -271,6 +273,18 @@ mod tests {
                 old == new && old.notes["licence"].contains("mocap.cs.cmu.edu"),
                 "{name}"
             );
+        }
+    }
+
+    #[test]
+    fn every_model_was_taught_the_fabrics_that_there_are_and_how_to_follow_the_bones() {
+        for (name, _) in TAUGHT {
+            let model = model(name).expect("it is there");
+            for fabric in variety::fabrics() {
+                let is_known = traits::taught(&model, &traits::of_fabric(&fabric));
+                assert!(is_known, "{name}: {}", fabric.name);
+            }
+            assert_eq!(model.notes[SKINNING], LEARNT, "{name}");
         }
     }
 
