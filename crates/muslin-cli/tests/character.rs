@@ -181,13 +181,13 @@ fn what_a_character_wears_from_a_file_is_its_size_or_the_labels() {
 }
 
 #[test]
-fn a_model_of_a_character_knows_sizes_where_it_was_taught_any() {
+fn a_model_of_a_character_knows_its_height_and_sizes_where_it_was_taught_any() {
     let folder = Folder::new("hero-sizes");
     let hero = character(&folder);
     let (model, out) = (folder.at("any.muslin"), folder.at("wide.glb"));
     for line in [
         format!(
-            "train --body {hero} --garment tee --edge 25 --sizes any --motion walk --motion run \
+            "train --body {hero} --height 185 --garment tee --edge 25 --sizes any --motion walk --motion run \
              --mixed 60 --steps 1 -o {model}"
         ),
         format!(
@@ -198,7 +198,12 @@ fn a_model_of_a_character_knows_sizes_where_it_was_taught_any() {
         assert_eq!(done.status.code(), Some(0), "{line}: {}", errors(&done));
     }
     let report = std::fs::read_to_string(folder.at("wide.report.json")).expect("written");
-    for told in ["\"label\": \"XL\"", "\"not_taught\": []"] {
+    // As tall as it was when it was taught.
+    for told in [
+        "\"label\": \"XL\"",
+        "\"not_taught\": []",
+        "\"height_cm\": 185",
+    ] {
         assert!(report.contains(told), "{told} is missing:\n{report}");
     }
 }
