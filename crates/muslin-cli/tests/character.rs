@@ -209,6 +209,42 @@ fn a_model_of_a_character_knows_its_height_and_sizes_where_it_was_taught_any() {
 }
 
 #[test]
+fn in_a_program_a_model_of_a_file_s_garment_plays_where_the_file_is_named() {
+    let folder = Folder::new("file-plays");
+    let (skirt, model) = (skirt(&folder), folder.at("skirt.muslin"));
+    let line = format!(
+        "train --garment {skirt} --edge 25 --motion walk --motion run --mixed 60 --steps 1 -o {model}"
+    );
+    let done = typed(&line);
+    assert_eq!(done.status.code(), Some(0), "{line}: {}", errors(&done));
+    let bytes = std::fs::read(&model).expect("written");
+    let open = |outfit: Vec<Wear>| {
+        let options = DressOptions {
+            outfit,
+            ..DressOptions::default()
+        };
+        Playing::new(Some(&bytes), &options)
+    };
+    let fault = open(Vec::new()).err().expect("which file it is");
+    assert!(fault.to_string().contains("from a file"), "{fault}");
+    let mut playing = open(vec![Wear::parse(&skirt)]).expect("a garment of a file");
+    let turns = vec![[0.0, 0.0, 0.0, 1.0]; playing.bones().len()];
+    let joint = |name: &str| {
+        let bone = playing.bones().iter().position(|b| b.name == name);
+        playing.joints()[bone.expect("a bone")].y
+    };
+    let (hip, knee) = (joint("upperleg01.L"), joint("lowerleg01.L"));
+    let at = playing.frame(&turns, [0.0; 3]).expect("sound");
+    let ys = at.iter().map(|p| f64::from(p[1]));
+    let (low, high) = ys.fold((f64::MAX, f64::MIN), |(a, b), y| (a.min(y), b.max(y)));
+    // From the waist to about the knee.
+    assert!(
+        high > hip && (low - knee).abs() < 0.15,
+        "{low} {high} {hip} {knee}"
+    );
+}
+
+#[test]
 fn in_a_program_a_character_s_joints_lead_the_cloth_that_animate_writes() {
     let folder = Folder::new("hero-plays");
     let hero = character(&folder);

@@ -198,7 +198,8 @@ impl Playing {
     }
 
     /// The cloth [m] in the next pose: a turn of every bone in its parent's frame (x, y, z, w), and how far the
-    /// body is moved [m]; of a character that is our body in its likeness. None where one of these or of what comes out is not finite, or a turn is nothing; the
+    /// body is moved [m]; of a character that is our body in its likeness. None where one of these or of what comes out
+    /// is not finite, or a turn is nothing; the
     /// sequence then begins anew.
     ///
     /// # Panics
