@@ -225,7 +225,7 @@ fn in_a_program_a_model_of_a_file_s_garment_plays_where_the_file_is_named() {
         };
         Playing::new(Some(&bytes), &options)
     };
-    let fault = open(Vec::new()).err().expect("which file it is");
+    let fault = open(Vec::new()).expect_err("which file it is");
     assert!(fault.to_string().contains("from a file"), "{fault}");
     let mut playing = open(vec![Wear::parse(&skirt)]).expect("a garment of a file");
     let turns = vec![[0.0, 0.0, 0.0, 1.0]; playing.bones().len()];
