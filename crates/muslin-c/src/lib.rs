@@ -250,13 +250,12 @@ pub unsafe extern "C" fn muslin_bone_parent(garment: *const Garment, bone: u32) 
 /// `garment` is NULL or open, `joint` NULL or to three numbers.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn muslin_bone_joint(garment: *const Garment, bone: u32, joint: *mut f32) {
-    let place = |g: &Garment| g.playing.joints().get(bone as usize).copied();
+    let place = |g: &Garment| {
+        let place = g.playing.joints().get(bone as usize);
+        place.map(|p| p.as_vec3().to_array())
+    };
     // SAFETY: as the caller says.
-    if let (Some(p), false) = (unsafe { of(garment, None, place) }, joint.is_null()) {
-        let p = p.as_vec3().to_array();
-        // SAFETY: as the caller says.
-        unsafe { ptr::copy_nonoverlapping(p.as_ptr(), joint, 3) };
-    }
+    unsafe { put(of(garment, None, place), joint) };
 }
 
 /// See `muslin.h`.
@@ -287,9 +286,17 @@ pub unsafe extern "C" fn muslin_joint_name(garment: *const Garment, joint: u32) 
 pub unsafe extern "C" fn muslin_joint_bound(garment: *const Garment, joint: u32, matrix: *mut f32) {
     let place = |g: &Garment| g.playing.character_bound().get(joint as usize).copied();
     // SAFETY: as the caller says.
-    if let (Some(m), false) = (unsafe { of(garment, None, place) }, matrix.is_null()) {
+    unsafe { put(of(garment, None, place), matrix) };
+}
+
+/// Gives numbers away where there are any.
+///
+/// # Safety
+/// `to` is NULL or to as many numbers.
+unsafe fn put<const N: usize>(numbers: Option<[f32; N]>, to: *mut f32) {
+    if let (Some(numbers), false) = (numbers, to.is_null()) {
         // SAFETY: as the caller says.
-        unsafe { ptr::copy_nonoverlapping(m.as_ptr(), matrix, 16) };
+        unsafe { ptr::copy_nonoverlapping(numbers.as_ptr(), to, N) };
     }
 }
 
@@ -369,27 +376,53 @@ pub unsafe extern "C" fn muslin_frame_on(
         let joints = slice::from_raw_parts(joints.cast::<[f32; 16]>(), g.joints.len());
         (g, joints)
     };
-    let frame = AssertUnwindSafe(|| {
-        // SAFETY: there is room for three numbers a vertex.
-        unsafe {
-            if normals.is_null() {
-                give(g.playing.frame_on(joints)?, vertices);
-            } else {
-                let [at, turned] = g.playing.frame_on_with_normals(joints)?;
-                give(at, vertices);
-                give(turned, normals);
-            }
+    let has_room = !normals.is_null();
+    // SAFETY: as the caller says.
+    unsafe {
+        given(
+            &mut g.playing,
+            (vertices, normals),
+            |playing| match has_room {
+                true => playing.frame_on_with_normals(joints).map(facing),
+                false => playing.frame_on(joints).map(plain),
+            },
+        )
+    }
+}
+
+/// Where cloth lies, and its normals where they were asked for.
+type Laid<'a> = (&'a [[f32; 3]], Option<&'a [[f32; 3]]>);
+
+fn plain(at: &[[f32; 3]]) -> Laid<'_> {
+    (at, None)
+}
+
+fn facing<'a>([at, normals]: [&'a [[f32; 3]]; 2]) -> Laid<'a> {
+    (at, Some(normals))
+}
+
+/// Gives a `frame` away; 0 if there was one.
+///
+/// # Safety
+/// There is room for three numbers a vertex, in `normals` as well where a frame has any.
+unsafe fn given(
+    playing: &mut Playing,
+    (vertices, normals): (*mut f32, *mut f32),
+    frame: impl for<'a> FnOnce(&'a mut Playing) -> Option<Laid<'a>>,
+) -> c_int {
+    let give = |from: &[[f32; 3]], to: *mut f32| {
+        // SAFETY: as the caller says; a copy, for nobody said that there are numbers yet.
+        unsafe { ptr::copy(from.as_ptr().cast::<f32>(), to, 3 * from.len()) };
+    };
+    let given = AssertUnwindSafe(|| {
+        let (at, facing) = frame(playing)?;
+        give(at, vertices);
+        if let Some(facing) = facing {
+            give(facing, normals);
         }
         Some(())
     });
-    c_int::from(!matches!(catch_unwind(frame), Ok(Some(()))))
-}
-
-/// # Safety
-/// There is room for three numbers a vertex.
-unsafe fn give(from: &[[f32; 3]], to: *mut f32) {
-    // SAFETY: as the caller says; a copy, for nobody said that there are numbers yet.
-    unsafe { ptr::copy(from.as_ptr().cast::<f32>(), to, 3 * from.len()) };
+    c_int::from(!matches!(catch_unwind(given), Ok(Some(()))))
 }
 
 /// A frame, and its normals where there is to be room for them; 0 if there was one.
@@ -411,19 +444,12 @@ unsafe fn predict(
         let turns = slice::from_raw_parts(turns.cast::<[f32; 4]>(), g.names.len());
         (g, turns, *root.cast::<[f32; 3]>())
     };
-    let frame = AssertUnwindSafe(|| {
-        // SAFETY: there is room for three numbers a vertex.
-        unsafe {
-            match normals {
-                Some(normals) => {
-                    let [at, turned] = g.playing.frame_with_normals(turns, root)?;
-                    give(at, vertices);
-                    give(turned, normals);
-                }
-                None => give(g.playing.frame(turns, root)?, vertices),
-            }
-        }
-        Some(())
-    });
-    c_int::from(!matches!(catch_unwind(frame), Ok(Some(()))))
+    let room = (vertices, normals.unwrap_or(ptr::null_mut()));
+    // SAFETY: as the caller says.
+    unsafe {
+        given(&mut g.playing, room, |playing| match normals {
+            Some(_) => playing.frame_with_normals(turns, root).map(facing),
+            None => playing.frame(turns, root).map(plain),
+        })
+    }
 }

@@ -29,6 +29,16 @@ pub(crate) fn fits(model: &Model, encoder: &Mlp, lesson: &Lesson<'_>) -> Result<
     }
 }
 
+/// The note of a model that says whether its skin weights are [`LEARNT`]: whoever begins with it takes those on.
+pub const SKINNING: &str = "skinning";
+/// What that note says where they are.
+pub const LEARNT: &str = "learnt";
+
+/// Whether the skin weights of a model were learnt.
+pub fn has_learnt_skinning(model: &Model) -> bool {
+    model.notes.get(SKINNING).is_some_and(|s| s == LEARNT)
+}
+
 /// Which model it is, in short.
 pub(crate) fn identity(model: &Model) -> u64 {
     let scale = model.scale.as_flattened().iter();
@@ -70,8 +80,7 @@ impl Near {
 
     /// The model's skin weights for this cloth: of the `bones` by name that its `own` ones are of, but those of `pins`
     /// stay, for they are held by bones.
-    pub fn skin(&self, model: &Model, own: (&Skin, &[String]), pins: &[u32]) -> Skin {
-        let (own, bones) = own;
+    pub fn skin(&self, model: &Model, (own, bones): (&Skin, &[String]), pins: &[u32]) -> Skin {
         let place = |name: &String| model.bones.iter().position(|b| b == name);
         let places: Vec<Option<usize>> = bones.iter().map(place).collect();
         let mut out = own.clone();

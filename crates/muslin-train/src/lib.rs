@@ -48,12 +48,13 @@ mod wearer;
 mod weights;
 mod work;
 
+pub use begin::{LEARNT, SKINNING, has_learnt_skinning};
 pub use error::TrainError;
 pub use kept::in_another_order;
 pub use lesson::{Lesson, Plan};
 pub use place::{Place, has_device, placed};
 pub use pool::{mixed, sampled, thinned};
 pub use sway::{hold_back, sway};
-pub use trainer::{Energies, LEARNT, SKINNING, Told, Trainer};
+pub use trainer::{Energies, Told, Trainer};
 pub use training::Training;
 pub use weights::diffused;

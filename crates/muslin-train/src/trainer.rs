@@ -132,10 +132,6 @@ const NEXT_SEED: u64 = 0xd6e8_feb8_6659_fd93;
 const FEWEST: usize = 4 * LANES;
 /// Poses that a motion is judged by, at most.
 const JUDGED: usize = 32;
-/// The note of a model that says whether its skin weights are [`LEARNT`]: whoever begins with it takes those on.
-pub const SKINNING: &str = "skinning";
-/// What that note says where they are.
-pub const LEARNT: &str = "learnt";
 
 impl<'a> Trainer<'a> {
     /// Gets ready to learn from `pool`, whose poses the wearers of the `lessons` share between them. All
@@ -197,7 +193,7 @@ impl<'a> Trainer<'a> {
             let near = Near::new(m, lesson.template)?;
             modes = near.shapes(m);
             params.clone_from(&m.params);
-            if plan.skinning || m.notes.get(SKINNING).is_some_and(|s| s == LEARNT) {
+            if plan.skinning || begin::has_learnt_skinning(m) {
                 skin = near.skin(m, (&skin, &bones), &lesson.cloth.pins);
             }
         }

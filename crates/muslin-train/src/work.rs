@@ -47,6 +47,14 @@ pub(crate) struct Work {
     pub broken: Option<usize>,
 }
 
+impl Work {
+    /// What each pose counts in the mean of all.
+    fn shares(&self) -> Row {
+        let share = 1.0 / LANES as f32;
+        self.counts.map(|c| c * share)
+    }
+}
+
 /// What a pose meets: a triangle of the skin at every vertex, the cloth itself at some, and by layers
 /// other garments at some.
 type Met = (Vec<u32>, Vec<(u32, Plane)>, Vec<Vec<(u32, u32)>>);
@@ -90,8 +98,8 @@ impl Trainer<'_> {
         if let (Some(d), None, Some(skinning)) = (&at_rest, work.broken, &self.skinning) {
             self.pull((skinning, pack), d, &mut work);
         }
-        let at_rest = at_rest.filter(|_| self.plan.relaxed > 0);
-        if let Some(at_rest) = at_rest.filter(|_| work.broken.is_none()) {
+        let is_let_go = self.plan.relaxed > 0 && work.broken.is_none();
+        if let Some(at_rest) = at_rest.filter(|_| is_let_go) {
             pulp::Arch::new().dispatch(
                 #[inline(always)]
                 || work.relaxed = Some(self.let_go((pack, &walls), (at_rest, &mut g))),
@@ -101,8 +109,7 @@ impl Trainer<'_> {
         if work.broken.is_some() {
             return work;
         }
-        let share = 1.0 / LANES as f32;
-        let shares: Row = work.counts.map(|c| c * share);
+        let shares = work.shares();
         let weigh = |row: &mut [f32]| row.iter_mut().zip(&shares).for_each(|(x, s)| *x *= s);
         g.iter_mut().for_each(|row| weigh(row));
         let g = View::new(g.as_flattened(), 3 * n, LANES);
@@ -140,10 +147,9 @@ impl Trainer<'_> {
     /// of its `work`, which are not needed any more.
     fn pull(&self, (skinning, pack): (&Skinning, &Pack), d: &[Row], work: &mut Work) {
         let mut g = std::mem::take(&mut work.forces);
-        let share = 1.0 / LANES as f32;
+        let shares = work.shares();
         for row in &mut g {
-            let each = row.iter_mut().zip(&work.counts);
-            each.for_each(|(x, count)| *x *= count * share);
+            row.iter_mut().zip(&shares).for_each(|(x, s)| *x *= s);
         }
         work.d_skinning = vec![0.0; skinning.len()];
         let Wearer { cut, template, .. } = &self.wearers[pack.wearer];
@@ -353,10 +359,11 @@ fn broken(g: &[Row]) -> Option<usize> {
 mod tests {
     use std::sync::LazyLock;
 
+    use muslin_model::Skin;
+
     use super::*;
     use crate::testing::{Class, Other, USUAL, go_on_alike};
     use crate::{Plan, TrainError, Training};
-    use muslin_model::Skin;
 
     static CLASS: LazyLock<Class> = LazyLock::new(Class::new);
     static OUTFIT: LazyLock<Class> = LazyLock::new(Class::outfit);

@@ -44,15 +44,16 @@ struct Led {
     bound: Vec<[f32; 16]>,
     follower: Follower,
     ours_from_file: DAffine3,
+    file_from_ours: DAffine3,
     /// Where its joints are, in our places.
     joints: Vec<DAffine3>,
 }
 
 impl Led {
     fn new(hero: &Hero) -> Self {
-        let to_file = hero.ours_from_file.inverse();
+        let file_from_ours = hero.ours_from_file.inverse();
         let bound = hero.twin.stance().iter().map(|j| {
-            let place = DMat4::from(to_file * *j);
+            let place = DMat4::from(file_from_ours * *j);
             place.to_cols_array().map(|x| x as f32)
         });
         Self {
@@ -60,14 +61,17 @@ impl Led {
             bound: bound.collect(),
             follower: hero.twin.follower(),
             ours_from_file: hero.ours_from_file,
+            file_from_ours,
             joints: hero.twin.stance().to_vec(),
         }
     }
 
     /// From our places to the character's.
     fn give_back(&self, at: &mut [[f32; 3]], normals: &mut [[f32; 3]]) {
-        let back = self.ours_from_file.inverse();
-        let (m, t) = (back.matrix3.as_mat3(), back.translation.as_vec3());
+        let (m, t) = (
+            self.file_from_ours.matrix3.as_mat3(),
+            self.file_from_ours.translation.as_vec3(),
+        );
         for p in at {
             *p = (m * Vec3::from_array(*p) + t).to_array();
         }
@@ -199,8 +203,7 @@ impl Playing {
 
     /// The cloth [m] in the next pose: a turn of every bone in its parent's frame (x, y, z, w), and how far the
     /// body is moved [m]; of a character that is our body in its likeness. None where one of these or of what comes out
-    /// is not finite, or a turn is nothing; the
-    /// sequence then begins anew.
+    /// is not finite, or a turn is nothing; the sequence then begins anew.
     ///
     /// # Panics
     /// Where `turns` has not one entry per bone.
@@ -248,17 +251,13 @@ impl Playing {
     fn follow(&mut self, joints: &[[f32; 16]], normals: bool) -> Option<()> {
         let led = self.character.as_mut()?;
         assert_eq!(joints.len(), led.joints.len(), "a place per joint");
-        let sound = |m: &[f32; 16]| {
-            let turn = DMat4::from_cols_array(&m.map(f64::from));
-            m.iter().all(|x| x.is_finite()) && turn.determinant().abs() > 1e-30
-        };
-        if !joints.iter().all(sound) {
-            self.player.begin(self.step);
-            return None;
-        }
         for (to, m) in led.joints.iter_mut().zip(joints) {
-            let place = DAffine3::from_mat4(DMat4::from_cols_array(&m.map(f64::from)));
-            *to = led.ours_from_file * place;
+            let place = DMat4::from_cols_array(&m.map(f64::from));
+            let is_sound = place.is_finite() && place.determinant().abs() > 1e-30;
+            if !is_sound {
+                return self.anew();
+            }
+            *to = led.ours_from_file * DAffine3::from_mat4(place);
         }
         led.follower.follow(&led.joints, &mut self.pose);
         self.lay(normals)?;
@@ -281,8 +280,7 @@ impl Playing {
             sum.is_finite() && sum > 1e-12
         };
         if !turns.iter().all(sound) || !root.iter().all(|x| x.is_finite()) {
-            self.player.begin(self.step);
-            return None;
+            return self.anew();
         }
         for (to, q) in self.pose.rotations.iter_mut().zip(turns) {
             *to = DQuat::from_array(q.map(f64::from)).normalize();
@@ -302,9 +300,14 @@ impl Playing {
             false => self.player.frame(&self.pose, &self.bones, &mut self.at),
         }
         if !self.at.as_flattened().iter().all(|x| x.is_finite()) {
-            self.player.begin(self.step);
-            return None;
+            return self.anew();
         }
         Some(())
+    }
+
+    /// Nothing, and the sequence begins anew.
+    fn anew(&mut self) -> Option<()> {
+        self.player.begin(self.step);
+        None
     }
 }

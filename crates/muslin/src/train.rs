@@ -20,7 +20,7 @@ use muslin_geom::{Report, Value};
 use muslin_io::{Journal, report_json, write_file, write_weights};
 use muslin_model::Model;
 use muslin_train::published::{Published, System};
-use muslin_train::{LEARNT, SKINNING, Told, Trainer, Training, placed};
+use muslin_train::{LEARNT, SKINNING, Told, Trainer, Training, has_learnt_skinning, placed};
 
 use crate::animate::read_model;
 use crate::brought::is_file;
@@ -461,8 +461,8 @@ impl School<'_, '_> {
 
     /// How the cloth came to follow the bones as it does.
     fn skinning(&self, class: &Class) -> &'static str {
-        let begun = class.begun.as_ref().and_then(|m| m.notes.get(SKINNING));
-        match self.options.learns_skinning() || begun.is_some_and(|s| s == LEARNT) {
+        let begun = class.begun.as_ref().is_some_and(has_learnt_skinning);
+        match self.options.learns_skinning() || begun {
             true => LEARNT,
             false => "given",
         }
