@@ -18,8 +18,6 @@ const NAMES: [(&str, &str); 4] = [
     ("skirt", "1"),
     ("dress", "1.5"),
 ];
-/// Where random numbers start in the last stage: the fabrics drawn by the first seed bend more easily than denim.
-const SEED: &str = "2";
 /// Edges of the cloth [mm] and how many steps, each going on from what the one before has learnt: coarse steps take a
 /// quarter of the time and get farther. The last edge is that of the wardrobe.
 const STAGES: [[&str; 2]; 3] = [["25", "6000"], ["17", "1500"], ["12", "2500"]];
@@ -121,9 +119,6 @@ pub fn build(args: &[&str]) -> Outcome {
             };
             let how = ["--edge", edge, "--steps", steps, "--fairness", fairness];
             let mut how: Vec<OsString> = how.iter().map(OsString::from).collect();
-            if k + 1 == STAGES.len() {
-                how.extend(["--seed".into(), SEED.into()]);
-            }
             if let Some(before) = &before {
                 how.extend(["--from".into(), before.into()]);
             }

@@ -2,6 +2,7 @@
 
 use crate::{Avatar, BodyError, Shape};
 use glam::DVec3;
+use muslin_geom::widely;
 
 /// The rest pose of one shape.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,18 +67,21 @@ impl Avatar {
     fn mode_sum(&self, weights: &[f64], n: usize) -> Vec<f32> {
         let stride = 3 * self.n_points();
         let mut sums = vec![0.0f32; 3 * n];
-        pulp::Arch::new().dispatch(|| {
-            for (k, block) in sums.chunks_mut(BLOCK).enumerate() {
-                let start = k * BLOCK;
-                for (m, &w) in weights.iter().enumerate() {
-                    let mode = &self.parts.modes[m * stride + start..][..block.len()];
-                    let w = w as f32;
-                    for (sum, x) in block.iter_mut().zip(mode) {
-                        *sum += w * x;
+        widely(
+            #[inline(always)]
+            || {
+                for (k, block) in sums.chunks_mut(BLOCK).enumerate() {
+                    let start = k * BLOCK;
+                    for (m, &w) in weights.iter().enumerate() {
+                        let mode = &self.parts.modes[m * stride + start..][..block.len()];
+                        let w = w as f32;
+                        for (sum, x) in block.iter_mut().zip(mode) {
+                            *sum += w * x;
+                        }
                     }
                 }
-            }
-        });
+            },
+        );
         sums
     }
 

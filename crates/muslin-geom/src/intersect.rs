@@ -26,26 +26,54 @@ pub fn intersecting_pairs(a: &Mesh, b: &Mesh) -> Vec<[u32; 2]> {
 /// never counted. An empty list means that no edge pierces a triangle it does not touch by
 /// construction.
 pub fn self_intersections(mesh: &Mesh) -> Vec<[u32; 2]> {
-    let near = Bvh::over(&face_boxes(&mesh.verts, &mesh.faces)).self_pairs(0.0);
-    keep(near, |&[i, j]| faces_cross(mesh, i, j))
+    let tree = Bvh::over(&face_boxes(&mesh.verts, &mesh.faces));
+    crossings(&tree, (&mesh.verts, &mesh.faces))
+}
+
+/// [`self_intersections`] of `faces` that move, at other places of their vertices [m]: `tree` is over their boxes
+/// wherever they were.
+pub fn self_intersections_at(
+    tree: &mut Bvh,
+    (verts, faces): (&[DVec3], &[[u32; 3]]),
+) -> Vec<[u32; 2]> {
+    tree.refit(&face_boxes(verts, faces));
+    crossings(tree, (verts, faces))
+}
+
+fn crossings(tree: &Bvh, (verts, faces): (&[DVec3], &[[u32; 3]])) -> Vec<[u32; 2]> {
+    let of = |face: u32| {
+        let face = faces[face as usize];
+        (face, face.map(|v| verts[v as usize]))
+    };
+    keep(tree.self_pairs(0.0), |&[i, j]| faces_at_cross(of(i), of(j)))
 }
 
 /// Whether faces `i` and `j` of one mesh cross; see [`self_intersections`].
 pub fn faces_cross(mesh: &Mesh, i: u32, j: u32) -> bool {
-    let (f, g) = (mesh.faces[i as usize], mesh.faces[j as usize]);
-    let (a, b) = (corners(mesh, i), corners(mesh, j));
-    let shared: Vec<usize> = (0..3).filter(|&k| g.contains(&f[k])).collect();
-    match shared[..] {
-        [] => triangles_meet(&a, &b),
-        [k] => {
-            let l = (0..3)
-                .find(|&l| g[l] == f[k])
-                .expect("k is shared, so g holds it");
-            segment_meets_triangle([a[(k + 1) % 3], a[(k + 2) % 3]], &b)
-                || segment_meets_triangle([b[(l + 1) % 3], b[(l + 2) % 3]], &a)
+    let of = |face: u32| (mesh.faces[face as usize], corners(mesh, face));
+    faces_at_cross(of(i), of(j))
+}
+
+/// Whether two faces of one mesh cross, each given by its vertices and where these are; see [`self_intersections`].
+pub fn faces_at_cross((f, a): ([u32; 3], [DVec3; 3]), (g, b): ([u32; 3], [DVec3; 3])) -> bool {
+    let held = |k: &usize| g.contains(&f[*k]);
+    let mut shared = (0..3).filter(held);
+    match (shared.next(), shared.next()) {
+        (None, _) => triangles_meet(&a, &b),
+        (Some(k), None) => {
+            let same = |l: &usize| g[*l] == f[k];
+            let l = (0..3).find(same).expect("k is shared, so g holds it");
+            let (mine, theirs) = (opposite(&a, k), opposite(&b, l));
+            !parted_at(a[k], mine, theirs)
+                && (segment_meets_triangle(mine, &b) || segment_meets_triangle(theirs, &a))
         }
         _ => false,
     }
+}
+
+/// The edge opposite to corner `k`.
+fn opposite(t: &[DVec3; 3], k: usize) -> [DVec3; 2] {
+    [t[(k + 1) % 3], t[(k + 2) % 3]]
 }
 
 fn keep(pairs: Vec<[u32; 2]>, test: impl Fn(&[u32; 2]) -> bool + Sync) -> Vec<[u32; 2]> {
@@ -60,13 +88,61 @@ fn corners(mesh: &Mesh, face: u32) -> [DVec3; 3] {
 
 /// Whether two closed triangles share a point; degenerate ones count as segments or points.
 pub fn triangles_meet(a: &[DVec3; 3], b: &[DVec3; 3]) -> bool {
-    if separated(a, b) || separated(b, a) {
+    if parted(a, b) || separated(a, b) || separated(b, a) {
         return false;
     }
     let edges = |t: &[DVec3; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
     // Two convex sets that meet, meet on an edge of one of them.
     edges(a).into_iter().any(|e| segment_meets_triangle(e, b))
         || edges(b).into_iter().any(|e| segment_meets_triangle(e, a))
+}
+
+/// How far along a way points go at most and at least, and by how much rounding may be wrong there.
+struct Extent {
+    most: f64,
+    least: f64,
+    error: f64,
+}
+
+impl Extent {
+    fn new(way: DVec3, points: &[DVec3]) -> Self {
+        let mut to = Self {
+            most: f64::NEG_INFINITY,
+            least: f64::INFINITY,
+            error: f64::MIN_POSITIVE,
+        };
+        for p in points {
+            let far = p.dot(way);
+            to.most = to.most.max(far);
+            to.least = to.least.min(far);
+            to.error += ROUNDING * p.abs().dot(way.abs());
+        }
+        to
+    }
+
+    /// Whether all of this is before all of `other`, without a doubt.
+    fn is_before(&self, other: &Self) -> bool {
+        other.least - self.most > self.error + other.error
+    }
+}
+
+/// More than three products and their sum, or a difference of two such, are rounded by, as a share of the products'
+/// lengths: 2⁻⁵³ for each of five operations.
+const ROUNDING: f64 = 1e-15;
+
+/// Whether two triangles lie on either side of a plane across the way between their middles. Most that are near each
+/// other do, and it takes no exact number to know that: a doubt is a no.
+fn parted(a: &[DVec3; 3], b: &[DVec3; 3]) -> bool {
+    let way = (b[0] - a[0]) + (b[1] - a[1]) + (b[2] - a[2]);
+    Extent::new(way, a).is_before(&Extent::new(way, b))
+}
+
+/// The same of two edges and a corner that both their triangles share, on the plane.
+fn parted_at(corner: DVec3, a: [DVec3; 2], b: [DVec3; 2]) -> bool {
+    let middle = |edge: [DVec3; 2]| ((edge[0] - corner) + (edge[1] - corner)).normalize_or_zero();
+    let way = middle(b) - middle(a);
+    let [a, here, b] = [&a[..], &[corner], &b].map(|points| Extent::new(way, points));
+    a.is_before(&here) && here.is_before(&b)
 }
 
 /// Whether all of `b` lies strictly on one side of `a`'s plane.
@@ -325,6 +401,53 @@ mod tests {
         }
         assert_eq!(got, want);
         assert!(!got.is_empty());
+    }
+
+    #[test]
+    fn what_a_plane_parts_never_meets_however_little_is_between() {
+        let rng = &mut Rng(5);
+        let edges = |t: &[DVec3; 3]| [0, 1, 2].map(|k| opposite(t, k));
+        let meets = |e: [DVec3; 2], t: &[DVec3; 3]| segment_meets_triangle(e, t);
+        let (mut parted_ones, mut met) = (0, 0);
+        for k in 0..30_000 {
+            // A corner of the one on, before or behind the other, by what a number can just tell.
+            let far = DVec3::splat(f64::from(k % 3) * 7.0);
+            let mut a = [0; 3].map(|_| far + rng.vec());
+            let mut b = [0; 3].map(|_| far + rng.vec());
+            if k % 2 == 0 {
+                b[0] = a[0].lerp(a[1], rng.unit()).lerp(a[2], rng.unit());
+                b[0].y += (rng.unit() - 0.5) * 1e-15;
+            }
+            if k % 5 == 0 {
+                // So small that products vanish.
+                a = a.map(|p| p * 1e-165);
+                b = b.map(|p| p * 1e-165);
+            }
+            let want = edges(&a).into_iter().any(|e| meets(e, &b))
+                || edges(&b).into_iter().any(|e| meets(e, &a));
+            assert!(!(parted(&a, &b) && want), "{a:?} {b:?}");
+            parted_ones += usize::from(parted(&a, &b));
+            met += usize::from(want);
+
+            b[0] = a[0];
+            let (mine, theirs) = (opposite(&a, 0), opposite(&b, 0));
+            let want = meets(mine, &b) || meets(theirs, &a);
+            assert!(!(parted_at(a[0], mine, theirs) && want), "{a:?} {b:?}");
+        }
+        assert!(parted_ones > 3000 && met > 3000, "{parted_ones} {met}");
+
+        // In a sheet no pair takes more than that but at the poles.
+        let mesh = sphere(12, 20);
+        for [i, j] in Bvh::over(&face_boxes(&mesh.verts, &mesh.faces)).self_pairs(0.0) {
+            let [f, g] = [i, j].map(|k| mesh.faces[k as usize]);
+            let shared: Vec<usize> = (0..3).filter(|k| g.contains(&f[*k])).collect();
+            if let [k] = shared[..] {
+                let l = (0..3).find(|l| g[*l] == f[k]).expect("shared");
+                let [a, b] = [corners(&mesh, i), corners(&mesh, j)];
+                let is_pole = a[k].y.abs() > 0.99;
+                assert!(is_pole || parted_at(a[k], opposite(&a, k), opposite(&b, l)));
+            }
+        }
     }
 
     #[test]

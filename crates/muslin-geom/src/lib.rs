@@ -18,6 +18,7 @@ mod swept;
 #[cfg(test)]
 mod testing;
 mod turn;
+mod wide;
 
 pub use bake::{Bake, Baked};
 pub use bvh::{Aabb, Bvh};
@@ -26,9 +27,10 @@ pub use cut::{Cut, OnEdge, cut};
 pub use drape::{Drape, Part};
 pub use fill::{FillError, Filled, fill};
 pub use image::Image;
-pub use intersect::{intersecting_pairs, self_intersections};
+pub use intersect::{intersecting_pairs, self_intersections, self_intersections_at};
 pub use mesh::{Mesh, neighbours, vertex_normals};
 pub use remesh::{OnFace, RemeshOptions, Remeshed, remesh};
 pub use report::{Report, Value};
 pub use swept::Swept;
 pub use turn::{best_turn, turn_of};
+pub use wide::widely;

@@ -12,7 +12,7 @@ use muslin_geom::{
     Surface,
     bvh::{Bvh, face_boxes},
     closest::on_triangle,
-    intersect::{segment_meets_triangle, triangles_meet},
+    intersect::{segment_meets_triangle, self_intersections_at, triangles_meet},
 };
 use rayon::prelude::*;
 
@@ -29,12 +29,7 @@ pub(crate) struct Piercing {
 
 /// Pairs of faces that cross, exactly, in ascending order.
 pub(crate) fn crossing_faces(weave: &Weave, tree: &mut Bvh, x: &[DVec3]) -> Vec<[u32; 2]> {
-    tree.refit(&face_boxes(x, &weave.faces));
-    let near = tree.self_pairs(0.0);
-    let cross = |p: &[u32; 2]| cross(weave, x, *p);
-    let mut found: Vec<[u32; 2]> = near.into_par_iter().filter(cross).collect();
-    found.sort_unstable();
-    found
+    self_intersections_at(tree, (x, &weave.faces))
 }
 
 /// Pairs `[cloth face, body face]` that meet, exactly, in ascending order.
@@ -49,15 +44,6 @@ pub(crate) fn meeting_skin(
     let mut found: Vec<[u32; 2]> = near.filter(meet).collect();
     found.sort_unstable();
     found
-}
-
-fn cross(weave: &Weave, x: &[DVec3], [f, g]: [u32; 2]) -> bool {
-    let (a, b) = (weave.faces[f as usize], weave.faces[g as usize]);
-    match a.iter().filter(|v| b.contains(v)).count() {
-        0 => triangles_meet(&weave.corners(x, f as usize), &weave.corners(x, g as usize)),
-        1 => !piercings(weave, x, &[[f, g]]).is_empty(),
-        _ => false,
-    }
 }
 
 /// The piercing edges of crossing faces.

@@ -5,6 +5,7 @@
 //! solved in single, 32 right-hand sides side by side.
 
 use glam::{DMat3, DVec3};
+use muslin_geom::widely;
 use rayon::prelude::*;
 
 use crate::rows::flat;
@@ -176,7 +177,7 @@ impl Factor {
                         x[axis][..row.len()].copy_from_slice(row);
                     }
                 }
-                pulp::Arch::new().dispatch(
+                widely(
                     #[inline(always)]
                     || self.sweep(&mut x),
                 );

@@ -5,6 +5,7 @@
 //! the bones that move a vertex at first, so that a model stays as small; PBNS's and NCS's are for all, so that a bone
 //! that does not may come to.
 
+use muslin_geom::widely;
 use muslin_model::Skin;
 
 use crate::lanes::{Lane, Row, Vec3};
@@ -115,7 +116,7 @@ impl Skinning {
         g: &[Row],
         out: &mut [f32],
     ) {
-        pulp::Arch::new().dispatch(
+        widely(
             #[inline(always)]
             || {
                 for ((v, t), span) in laid.iter().enumerate().zip(self.rows()) {

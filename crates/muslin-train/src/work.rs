@@ -4,6 +4,7 @@
 mod double;
 mod let_go;
 
+use muslin_geom::widely;
 use muslin_net::learn::{MlpTape, View, multiply};
 use rayon::prelude::*;
 
@@ -79,7 +80,7 @@ impl Trainer<'_> {
         let codes = View::new(&plain, k, LANES);
         let is_asked = self.plan.relaxed > 0 || self.skinning.is_some();
         let at_rest = is_asked.then(|| x.clone());
-        pulp::Arch::new().dispatch(
+        widely(
             #[inline(always)]
             || self.carry(pack, &mut x),
         );
@@ -91,7 +92,7 @@ impl Trainer<'_> {
         pack.visits += 1;
         let mut work = Work::default();
         let mut g = vec![[0.0; LANES]; 3 * n];
-        pulp::Arch::new().dispatch(
+        widely(
             #[inline(always)]
             || self.ask((pack, &walls), (&x, &mut g), &mut work),
         );
@@ -99,10 +100,10 @@ impl Trainer<'_> {
             self.pull((skinning, pack), d, &mut work);
         }
         let is_let_go = self.plan.relaxed > 0 && work.broken.is_none();
-        if let Some(at_rest) = at_rest.filter(|_| is_let_go) {
-            pulp::Arch::new().dispatch(
+        if let Some(mut at_rest) = at_rest.filter(|_| is_let_go) {
+            widely(
                 #[inline(always)]
-                || work.relaxed = Some(self.let_go((pack, &walls), (at_rest, &mut g))),
+                || work.relaxed = Some(self.let_go((pack, &walls), (&mut at_rest, &mut g))),
             );
             work.broken = broken(&g);
         }

@@ -11,7 +11,7 @@
 
 use glam::{DAffine3, DQuat, DVec3, DVec4};
 use muslin_body::{Rig, blended};
-use muslin_geom::{Baked, Mesh, self_intersections};
+use muslin_geom::{Baked, Bvh, bvh::face_boxes, self_intersections_at};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -129,20 +129,21 @@ fn goes(baked: &Baked, part: &Clip) -> Result<(), IoError> {
 /// Frames in which cells bring cloth through cloth that it has not passed. The first is the mesh, which has no
 /// other form.
 fn tight(clip: &Clip, parts: &[(String, Clip)], tracks: &[&Track]) -> Vec<bool> {
-    let crossings = |verts: Vec<DVec3>| {
-        let faces = clip.drape.faces.clone();
-        self_intersections(&Mesh { verts, faces }).len()
-    };
-    let one = |t: usize| {
+    let (frames, faces) = (&clip.drape.frames, &clip.drape.faces);
+    let first = frames.first();
+    let tree = Bvh::over(&first.map_or(Vec::new(), |x| face_boxes(x, faces)));
+    let crossings = |tree: &mut Bvh, x: &[DVec3]| self_intersections_at(tree, (x, faces)).len();
+    let one = |tree: &mut Bvh, t: usize| {
         let stored = parts.iter().zip(tracks).flat_map(|((_, part), track)| {
             let x = part.drape.frames[t].iter();
             x.map(move |x| track.stored(t, *x))
         });
-        let after = crossings(stored.collect());
-        after > 0 && crossings(clip.drape.frames[t].clone()) < after
+        let after = crossings(tree, &stored.collect::<Vec<_>>());
+        after > 0 && crossings(tree, &frames[t]) < after
     };
-    let frames = 0..clip.drape.frames.len();
-    frames.into_par_iter().map(|t| t > 0 && one(t)).collect()
+    let all = (0..frames.len()).into_par_iter();
+    all.map_init(|| tree.clone(), |tree, t| t > 0 && one(tree, t))
+        .collect()
 }
 
 /// How a garment moves in the file.

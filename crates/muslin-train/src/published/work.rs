@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use glam::DVec3;
+use muslin_geom::widely;
 use muslin_model::Encoder;
 use muslin_net::learn::{View, multiply};
 use rayon::prelude::*;
@@ -149,7 +150,7 @@ impl Published<'_> {
                 let laid = (&*self.laid(who), &d[..]);
                 skinning.pull(&frame.bones, laid, &a.g, d_bound);
             }
-            pulp::Arch::new().dispatch(
+            widely(
                 #[inline(always)]
                 || self.bring_back(frame, a),
             );
@@ -184,7 +185,7 @@ impl Published<'_> {
     /// From corrections at rest to positions in the poses.
     fn carry(&self, (frame, template): (&Frame, &[[f32; 3]]), d: &[Row]) -> Vec<Row> {
         let mut x = vec![[0.0; LANES]; d.len()];
-        pulp::Arch::new().dispatch(
+        widely(
             #[inline(always)]
             || {
                 for (v, t) in template.iter().enumerate() {
@@ -241,7 +242,7 @@ pub(crate) fn ask(
 ) -> Asked {
     let on = if one_way { &[][..] } else { &met.on };
     let mut push = vec![[0.0; LANES]; if on.is_empty() { 0 } else { x.len() / 3 }];
-    let mut asked = pulp::Arch::new().dispatch(
+    let mut asked = widely(
         #[inline(always)]
         || sum(recipe, (sheet, &met.walls), (x, d), &mut push),
     );

@@ -18,7 +18,7 @@ impl Trainer<'_> {
     pub(super) fn let_go(
         &self,
         (pack, walls): Walled<'_>,
-        (mut r, g): (Vec<Row>, &mut [Row]),
+        (r, g): (&mut [Row], &mut [Row]),
     ) -> Energies {
         let wearer = &self.wearers[pack.wearer];
         let firmness = wearer.firmness(self.firm_at(self.now.step)) as f32;
@@ -38,7 +38,7 @@ impl Trainer<'_> {
                     r.iter_mut().zip(f).for_each(|(r, f)| *r -= by * f);
                 }
             }
-            let mut x = r.clone();
+            let mut x = r.to_vec();
             self.carry(pack, &mut x);
             force.fill([0.0; LANES]);
             self.ask((pack, walls), (&x, &mut force), &mut scratch);

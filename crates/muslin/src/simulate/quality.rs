@@ -1,7 +1,7 @@
 //! How good a simulation is, as far as that is cheap to tell.
 
 use glam::DVec3;
-use muslin_geom::{Mesh, Report, intersecting_pairs, self_intersections};
+use muslin_geom::{Bvh, Mesh, Report, bvh::face_boxes, intersecting_pairs, self_intersections_at};
 use muslin_io::Clip;
 use muslin_sim::{BEYOND_LIMIT, stretch};
 use rayon::prelude::*;
@@ -64,20 +64,25 @@ impl Quality {
     /// Measures the frames as they are delivered.
     pub fn measure(set: &Set, clip: &Clip, (told, again): (Vec<Told>, usize)) -> Self {
         let frames = clip.drape.frames.par_iter();
+        let faces = &set.cloth.faces;
+        let first = clip.drape.frames.first();
+        let tree = Bvh::over(&first.map_or(Vec::new(), |x| face_boxes(x, faces)));
         let each: Vec<(Vec<[f64; 2]>, usize)> = frames
-            .map(|x| {
-                let all = stretch(&set.cloth.faces, &set.cloth.rest, x);
-                let parts = clip.drape.parts.iter().map(|p| {
-                    let of = all[p.faces.clone()].to_vec();
-                    let max = of.iter().copied().fold(0.0, f64::max);
-                    [max, percentile_99(of)]
-                });
-                let mesh = Mesh {
-                    verts: x.clone(),
-                    faces: set.cloth.faces.clone(),
-                };
-                (parts.collect(), self_intersections(&mesh).len())
-            })
+            .map_init(
+                || tree.clone(),
+                |tree, x| {
+                    let all = stretch(&set.cloth.faces, &set.cloth.rest, x);
+                    let parts = clip.drape.parts.iter().map(|p| {
+                        let of = all[p.faces.clone()].to_vec();
+                        let max = of.iter().copied().fold(0.0, f64::max);
+                        [max, percentile_99(of)]
+                    });
+                    (
+                        parts.collect(),
+                        self_intersections_at(tree, (x, faces)).len(),
+                    )
+                },
+            )
             .collect();
         let shown = |hero: &Hero| -> Vec<usize> {
             let pairs = clip.drape.frames.par_iter().zip(&clip.body).enumerate();

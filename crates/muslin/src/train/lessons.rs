@@ -101,7 +101,7 @@ impl Class {
                 who = avatar.figure(&shape).map_err(|e| body_failure(&e))?;
             }
             if options.any_fabric {
-                what = variety::any_fabric(&fabrics, noise);
+                what = variety::lesson_fabric(&fabrics, k, noise);
             }
             // Every other one wears what was made to measure: that is what most ask for.
             if options.any_size && k % 2 == 1 {

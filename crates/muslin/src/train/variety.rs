@@ -9,6 +9,9 @@ use crate::size::{CutFor, Wearer, reach};
 /// Wearers and fabrics in all, where anything may vary.
 pub(super) const LESSONS: usize = 32;
 
+/// Of how many lessons one has a fabric of the list itself.
+const BETWEEN: usize = 3;
+
 /// How far a phenotype goes towards its ends.
 const WIDE: (f64, f64) = (0.05, 0.95);
 /// Least age, the body's youngest adult, and most.
@@ -47,7 +50,16 @@ pub(crate) fn fabrics() -> Vec<Fabric> {
     Fabric::presets().into_iter().filter(known).collect()
 }
 
-/// A fabric somewhere between two of them, and now and then one of them.
+/// The fabric of lesson `k`, from 1 on: each of the list once, two somewhere between them after each.
+pub(super) fn lesson_fabric(fabrics: &[Fabric], k: usize, noise: &mut Noise) -> Fabric {
+    let drawn = any_fabric(fabrics, noise);
+    match (k % BETWEEN, fabrics.get(k / BETWEEN)) {
+        (1, Some(fabric)) => fabric.clone(),
+        _ => drawn,
+    }
+}
+
+/// A fabric somewhere between two of them.
 pub(crate) fn any_fabric(fabrics: &[Fabric], noise: &mut Noise) -> Fabric {
     let [a, b] = [0; 2].map(|_| &fabrics[noise.below(fabrics.len())]);
     let t = noise.unit();
@@ -68,6 +80,22 @@ pub(crate) fn any_fabric(fabrics: &[Fabric], noise: &mut Noise) -> Fabric {
 mod tests {
     use super::*;
     use crate::traits::of_fabric;
+
+    #[test]
+    fn every_fabric_of_the_list_is_taught_whatever_the_seed() {
+        let fabrics = fabrics();
+        for seed in [1, 2] {
+            let noise = &mut Noise::new(seed);
+            let taught: Vec<Fabric> = (1..LESSONS)
+                .map(|k| lesson_fabric(&fabrics, k, noise))
+                .collect();
+            for fabric in &fabrics {
+                assert!(taught.contains(fabric), "{}", fabric.name);
+            }
+            let between = taught.iter().filter(|f| !fabrics.contains(f)).count();
+            assert!(between > LESSONS / 2, "{between}");
+        }
+    }
 
     #[test]
     fn what_is_drawn_lies_between_the_fabrics_and_is_the_same_for_the_same_seed() {
