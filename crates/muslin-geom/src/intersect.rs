@@ -45,17 +45,11 @@ fn crossings(tree: &Bvh, (verts, faces): (&[DVec3], &[[u32; 3]])) -> Vec<[u32; 2
         let face = faces[face as usize];
         (face, face.map(|v| verts[v as usize]))
     };
-    keep(tree.self_pairs(0.0), |&[i, j]| faces_at_cross(of(i), of(j)))
-}
-
-/// Whether faces `i` and `j` of one mesh cross; see [`self_intersections`].
-pub fn faces_cross(mesh: &Mesh, i: u32, j: u32) -> bool {
-    let of = |face: u32| (mesh.faces[face as usize], corners(mesh, face));
-    faces_at_cross(of(i), of(j))
+    keep(tree.self_pairs(0.0), |&[i, j]| faces_cross(of(i), of(j)))
 }
 
 /// Whether two faces of one mesh cross, each given by its vertices and where these are; see [`self_intersections`].
-pub fn faces_at_cross((f, a): ([u32; 3], [DVec3; 3]), (g, b): ([u32; 3], [DVec3; 3])) -> bool {
+fn faces_cross((f, a): ([u32; 3], [DVec3; 3]), (g, b): ([u32; 3], [DVec3; 3])) -> bool {
     let held = |k: &usize| g.contains(&f[*k]);
     let mut shared = (0..3).filter(held);
     match (shared.next(), shared.next()) {
@@ -126,8 +120,8 @@ impl Extent {
     }
 }
 
-/// More than three products and their sum, or a difference of two such, are rounded by, as a share of the products'
-/// lengths: 2⁻⁵³ for each of five operations.
+/// A sum of three products is rounded by less than this share of what they are without their signs: there are five
+/// operations, each rounds by 2⁻⁵³ at most.
 const ROUNDING: f64 = 1e-15;
 
 /// Whether two triangles lie on either side of a plane across the way between their middles. Most that are near each

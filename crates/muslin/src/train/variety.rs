@@ -59,7 +59,7 @@ pub(super) fn lesson_fabric(fabrics: &[Fabric], k: usize, noise: &mut Noise) -> 
     }
 }
 
-/// A fabric somewhere between two of them.
+/// A fabric somewhere between two of them, and now and then one of them.
 pub(crate) fn any_fabric(fabrics: &[Fabric], noise: &mut Noise) -> Fabric {
     let [a, b] = [0; 2].map(|_| &fabrics[noise.below(fabrics.len())]);
     let t = noise.unit();
