@@ -9,7 +9,7 @@ use crate::size::{CutFor, Wearer, reach};
 /// Wearers and fabrics in all, where anything may vary.
 pub(super) const LESSONS: usize = 32;
 
-/// Of how many lessons one has a fabric of the list itself.
+/// One in so many lessons has a fabric of the list itself.
 const BETWEEN: usize = 3;
 
 /// How far a phenotype goes towards its ends.
