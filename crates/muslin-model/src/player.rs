@@ -2,7 +2,6 @@
 
 use glam::{DAffine3, Vec3A};
 use muslin_body::{Avatar, Pose};
-use muslin_geom::widely;
 
 use crate::blocks::Blocks;
 use crate::decode::{Affine, One, Placed};
@@ -238,7 +237,7 @@ impl Player {
         let n = self.reading.n_bones();
         let own = &mut self.affine[slot * n..(slot + 1) * n];
         self.reading.read(pose, &mut self.input, own);
-        widely(
+        pulp::Arch::new().dispatch(
             #[inline(always)]
             || self.encode(slot),
         );
