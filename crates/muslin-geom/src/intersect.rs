@@ -65,6 +65,10 @@ fn faces_cross((f, a): ([u32; 3], [DVec3; 3]), (g, b): ([u32; 3], [DVec3; 3])) -
     }
 }
 
+fn edges(t: &[DVec3; 3]) -> [[DVec3; 2]; 3] {
+    [0, 1, 2].map(|k| opposite(t, k))
+}
+
 /// The edge opposite to corner `k`.
 fn opposite(t: &[DVec3; 3], k: usize) -> [DVec3; 2] {
     [t[(k + 1) % 3], t[(k + 2) % 3]]
@@ -85,7 +89,6 @@ pub fn triangles_meet(a: &[DVec3; 3], b: &[DVec3; 3]) -> bool {
     if parted(a, b) || separated(a, b) || separated(b, a) {
         return false;
     }
-    let edges = |t: &[DVec3; 3]| [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
     // Two convex sets that meet, meet on an edge of one of them.
     edges(a).into_iter().any(|e| segment_meets_triangle(e, b))
         || edges(b).into_iter().any(|e| segment_meets_triangle(e, a))
@@ -400,7 +403,6 @@ mod tests {
     #[test]
     fn what_a_plane_parts_never_meets_however_little_is_between() {
         let rng = &mut Rng(5);
-        let edges = |t: &[DVec3; 3]| [0, 1, 2].map(|k| opposite(t, k));
         let meets = |e: [DVec3; 2], t: &[DVec3; 3]| segment_meets_triangle(e, t);
         let (mut parted_ones, mut met) = (0, 0);
         for k in 0..30_000 {

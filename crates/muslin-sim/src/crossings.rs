@@ -12,7 +12,7 @@ use muslin_geom::{
     Surface,
     bvh::{Bvh, face_boxes},
     closest::on_triangle,
-    intersect::{segment_meets_triangle, self_intersections_at, triangles_meet},
+    intersect::{segment_meets_triangle, triangles_meet},
 };
 use rayon::prelude::*;
 
@@ -25,11 +25,6 @@ pub(crate) struct Piercing {
     pub from: (u32, u8),
     /// The face that is pierced.
     pub through: u32,
-}
-
-/// Pairs of faces that cross, exactly, in ascending order.
-pub(crate) fn crossing_faces(weave: &Weave, tree: &mut Bvh, x: &[DVec3]) -> Vec<[u32; 2]> {
-    self_intersections_at(tree, (x, &weave.faces))
 }
 
 /// Pairs `[cloth face, body face]` that meet, exactly, in ascending order.

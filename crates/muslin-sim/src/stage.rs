@@ -4,6 +4,7 @@ use glam::{DAffine3, DVec3};
 use muslin_geom::{
     Aabb, Surface,
     bvh::{Bvh, face_boxes},
+    self_intersections_at,
 };
 
 use crate::{
@@ -332,9 +333,9 @@ impl<'a> Stage<'a> {
         crossings::meeting_skin(self.weave, (&mut self.tree, &self.x), &self.body.now)
     }
 
-    /// Pairs of cloth faces that cross.
+    /// Pairs of cloth faces that cross, exactly, in ascending order.
     pub fn in_itself(&mut self) -> Vec<[u32; 2]> {
-        crossings::crossing_faces(self.weave, &mut self.tree, &self.x)
+        self_intersections_at(&mut self.tree, (&self.x, &self.weave.faces))
     }
 
     pub fn is_tangled(&self) -> bool {
