@@ -323,9 +323,11 @@ pub(crate) fn dented(
             }
         });
     }
-    let normals = smooth_normals(skin, near);
-    ordered::map(all.len(), |i| {
-        given(skin.verts()[i], normals[i], (cores.get(i), all[i]))
+    let gives: Vec<bool> = all.iter().map(|depth| *depth > 0.0).collect();
+    let normals = smooth_normals(skin, near, &gives);
+    ordered::map(all.len(), |i| match gives[i] {
+        true => given(skin.verts()[i], normals[i], (cores.get(i), all[i])),
+        false => skin.verts()[i],
     })
 }
 
@@ -360,19 +362,30 @@ pub(crate) fn is_soft(skin: &Surface, cores: &[DVec3], i: usize) -> bool {
     }
 }
 
-/// Normals averaged over two rings, so that neighbours draw back side by side.
-fn smooth_normals(skin: &Surface, near: &Rows) -> Vec<DVec3> {
-    let mut normals = skin.vertex_normals();
-    for _ in 0..2 {
-        normals = ordered::map(normals.len(), |i| {
-            let row = near.row(i);
-            row.iter()
-                .map(|&j| normals[j as usize])
-                .sum::<DVec3>()
-                .normalize_or_zero()
-        });
-    }
-    normals
+/// Normals of the vertices that are `asked`, averaged over two rings, so that neighbours draw back side by side; zero
+/// elsewhere.
+fn smooth_normals(skin: &Surface, near: &Rows, asked: &[bool]) -> Vec<DVec3> {
+    let wider = |asked: &[bool]| {
+        let mut wider = vec![false; asked.len()];
+        let rows = (0..asked.len()).filter(|i| asked[*i]).map(|i| near.row(i));
+        rows.flatten().for_each(|&j| wider[j as usize] = true);
+        wider
+    };
+    let once = wider(asked);
+    let twice = wider(&once);
+    let among = |asked: &[bool], normal: &(dyn Fn(usize) -> DVec3 + Sync)| {
+        ordered::map(asked.len(), |i| match asked[i] {
+            true => normal(i),
+            false => DVec3::ZERO,
+        })
+    };
+    let mean = |of: &[DVec3], i: usize| {
+        let row = near.row(i).iter().map(|&j| of[j as usize]);
+        row.sum::<DVec3>().normalize_or_zero()
+    };
+    let own = among(&twice, &|i| skin.vertex_normal(i as u32));
+    let smooth = among(&once, &|i| mean(&own, i));
+    among(asked, &|i| mean(&smooth, i))
 }
 
 #[cfg(test)]

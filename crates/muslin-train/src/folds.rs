@@ -4,9 +4,11 @@
 //! Each side sees the plane midway to the other as a wall. As the side is known, parts that have
 //! passed through each other are led back by the same law.
 
+use std::collections::BTreeMap;
+
 use glam::DVec3;
 use muslin_body::Sparse;
-use muslin_geom::Surface;
+use muslin_geom::{Aabb, Bvh, Surface};
 
 use crate::ground::{OPEN, Wall};
 use crate::lanes::{LANES, Row, side_by_side};
@@ -21,6 +23,8 @@ pub const PARTS: f64 = 0.6;
 /// Parts that share no more than this are limbs, a leg and the other or a forearm and the trunk: nothing lies in folds
 /// between them.
 pub const LIMBS: f64 = 0.3;
+/// Size of a lot of vertices that are asked together whether others come near [m].
+const LOT: f64 = 0.03;
 /// Distance that parts keep from each other [m].
 const APART: f64 = 0.003;
 
@@ -30,6 +34,7 @@ pub struct Folds {
     rest: Vec<DVec3>,
     weights: Sparse,
     surface: Surface,
+    lots: Lots,
 }
 
 impl Folds {
@@ -39,6 +44,7 @@ impl Folds {
             rest: rest.to_vec(),
             weights: weights.clone(),
             surface: Surface::new(rest, faces),
+            lots: Lots::new(faces, rest, weights),
         }
     }
 
@@ -47,8 +53,9 @@ impl Folds {
     pub fn find(&self, x: &[DVec3], (radius, shared): (f64, f64)) -> Vec<(u32, Wall)> {
         let surface = self.surface.moved(x);
         let meets = |v: usize| self.meets(&surface, v, (radius, shared));
-        let one = |v: usize| meets(v).map(|w| (v as u32, w));
-        (0..x.len()).filter_map(one).collect()
+        let one = |v: u32| meets(v as usize).map(|w| (v, w));
+        let asked = self.lots.near_others(x, surface.faces(), shared);
+        asked.into_iter().filter_map(one).collect()
     }
 
     fn meets(&self, surface: &Surface, v: usize, (radius, shared): (f64, f64)) -> Option<Wall> {
@@ -90,6 +97,80 @@ impl Folds {
                 .map_or(0.0, |e| w.min(e.1))
         };
         self.weights.row(a).iter().map(same).sum()
+    }
+}
+
+/// A cloth in lots of vertices that lie together at rest.
+#[derive(Clone, Debug)]
+struct Lots(Vec<Lot>);
+
+/// Vertices, and the triangles that begin with them.
+#[derive(Clone, Debug, Default)]
+struct Lot {
+    verts: Vec<u32>,
+    faces: Vec<u32>,
+    /// The bones that all of the vertices follow, in ascending order, and how much each of them does at least.
+    follows: Vec<(u32, f64)>,
+}
+
+impl Lots {
+    fn new(faces: &[[u32; 3]], rest: &[DVec3], weights: &Sparse) -> Self {
+        let mut lots: BTreeMap<[i32; 3], Lot> = BTreeMap::new();
+        let place = |p: DVec3| (p / LOT).floor().as_ivec3().to_array();
+        for (v, p) in (0..).zip(rest) {
+            lots.entry(place(*p)).or_default().verts.push(v);
+        }
+        for (f, face) in (0..).zip(faces) {
+            let lot = lots.entry(place(rest[face[0] as usize])).or_default();
+            lot.faces.push(f);
+        }
+        for lot in lots.values_mut() {
+            let mut least: BTreeMap<u32, (usize, f64)> = BTreeMap::new();
+            for (bone, w) in lot.verts.iter().flat_map(|v| weights.row(*v as usize)) {
+                let one = least.entry(*bone).or_insert((0, f64::INFINITY));
+                *one = (one.0 + 1, one.1.min(*w));
+            }
+            let all = least.into_iter().filter(|e| e.1.0 == lot.verts.len());
+            lot.follows = all.map(|(bone, (_, w))| (bone, w)).collect();
+        }
+        Lots(lots.into_values().collect())
+    }
+
+    /// The vertices of all lots that may come within [`NEAR`] at `x` [m] of triangles with which they share `shared` or
+    /// less, in ascending order.
+    fn near_others(&self, x: &[DVec3], faces: &[[u32; 3]], shared: f64) -> Vec<u32> {
+        let boxes = |of: fn(&Lot) -> &[u32], at: &dyn Fn(u32) -> Aabb| -> Vec<Aabb> {
+            let one = |lot: &Lot| of(lot).iter().fold(Aabb::EMPTY, |b, i| b.union(at(*i)));
+            self.0.iter().map(one).collect()
+        };
+        let verts = boxes(|l| &l.verts, &|v| Aabb::of(&[x[v as usize]]).grown(NEAR));
+        let faces = boxes(|l| &l.faces, &|f| Aabb::of_face(x, faces[f as usize]));
+        let tree = Bvh::over(&faces);
+        let mut asked = Vec::new();
+        for (lot, around) in self.0.iter().zip(&verts) {
+            let mut meets = false;
+            tree.near(around, |other| {
+                meets |= lot.shares(&self.0[other as usize]) <= shared + 1e-9;
+            });
+            if meets {
+                asked.extend(&lot.verts);
+            }
+        }
+        if std::env::var("FOLDS").is_ok() { eprintln!("FOLDS {} of {} in {} lots", asked.len(), x.len(), self.0.len()); }
+        asked.sort_unstable();
+        asked
+    }
+}
+
+impl Lot {
+    /// How much of what they follow is the same at least for a vertex of this and one of the other.
+    fn shares(&self, other: &Lot) -> f64 {
+        let (mut sum, mut theirs) = (0.0, other.follows.iter().peekable());
+        for &(bone, w) in &self.follows {
+            while theirs.next_if(|e| e.0 < bone).is_some() {}
+            sum += theirs.next_if(|e| e.0 == bone).map_or(0.0, |e| w.min(e.1));
+        }
+        sum
     }
 }
 

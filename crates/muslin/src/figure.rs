@@ -1,8 +1,10 @@
 //! A body to dress: who, how they stand, and how they get there from the rest pose.
 
+use std::sync::OnceLock;
+
 use glam::DVec3;
 use muslin_body::{Avatar, BodyError, Cores, Figure, Limbs, Part, Pose, Posed, Shape};
-use muslin_geom::{Mesh, self_intersections};
+use muslin_geom::self_intersections_at;
 use muslin_sim::{Flesh, Frame};
 
 use crate::failure::{Exit, Failure};
@@ -33,8 +35,8 @@ impl Sitter {
             .map_err(|e| body_failure(&e))?;
         let limbs = Limbs::new(avatar, [ROOM; 2]).map_err(|e| body_failure(&e))?;
         let turned = limbs.make_room(&mut pose, avatar, &figure);
-        let unfolded =
-            unfold((avatar, &figure), &mut pose, &STILL).map_err(|e| body_failure(&e))?;
+        let unfolded = unfold(&Yielding::new(avatar, &figure), &mut pose, &STILL)
+            .map_err(|e| body_failure(&e))?;
         let posed = avatar.pose(&figure, &pose);
         if posed.verts.iter().any(|v| !v.is_finite()) {
             return Err(Failure::new(
@@ -151,13 +153,38 @@ const OTHERS: [&str; 6] = [
     "upperarm01.R",
 ];
 
+/// Somebody whose flesh yields, once a pose folds it.
+pub(crate) struct Yielding<'a> {
+    pub avatar: &'a Avatar,
+    pub figure: &'a Figure,
+    flesh: OnceLock<Flesh>,
+}
+
+impl<'a> Yielding<'a> {
+    pub fn new(avatar: &'a Avatar, figure: &'a Figure) -> Self {
+        Yielding {
+            avatar,
+            figure,
+            flesh: OnceLock::new(),
+        }
+    }
+
+    fn flesh(&self) -> &Flesh {
+        self.flesh.get_or_init(|| {
+            let rest = &self.figure.verts[self.avatar.part(Part::Body)];
+            Flesh::new(rest, self.avatar.collision_faces())
+        })
+    }
+}
+
 /// Bends hips and knees less where the body folds deeper into itself than flesh yields; says by how
 /// much at most [rad].
 pub(crate) fn unfold(
-    (avatar, figure): (&Avatar, &Figure),
+    body: &Yielding<'_>,
     pose: &mut Pose,
     folding: &Folding,
 ) -> Result<f64, BodyError> {
+    let avatar = body.avatar;
     let rest = Pose::rest(avatar);
     let bones = FOLDS.iter().chain(&OTHERS).map(|name| avatar.bone(name));
     let bones: Vec<usize> = bones.collect::<Result<_, _>>()?;
@@ -170,7 +197,7 @@ pub(crate) fn unfold(
         if !bent.contains(&true) {
             break;
         }
-        let fold = Fold::seen(avatar, (figure, pose), &bones);
+        let fold = Fold::seen(body, pose, &bones);
         crossings.push(fold.crossings.iter().sum::<usize>());
         let Some(k) = fold.worst(&bent, folding) else {
             break;
@@ -200,14 +227,14 @@ struct Fold {
 
 impl Fold {
     /// `bones`: [`FOLDS`], then [`OTHERS`].
-    fn seen(avatar: &Avatar, (figure, pose): (&Figure, &Pose), bones: &[usize]) -> Fold {
-        let skin = avatar.part(Part::Body);
-        let posed = avatar.pose(figure, pose);
-        let (rest, faces) = (&figure.verts[skin.clone()], avatar.collision_faces());
+    fn seen(body: &Yielding<'_>, pose: &Pose, bones: &[usize]) -> Fold {
+        let (figure, flesh) = (body.figure, body.flesh());
+        let skin = body.avatar.part(Part::Body);
+        let posed = body.avatar.pose(figure, pose);
         // Straight in: where that leads astray, the fold is too deep.
-        let body = Frame::from(posed.verts[skin].to_vec());
-        let relief = Flesh::new(rest, faces).relieve(&body, ROOM, &vec![true; rest.len()]);
-        let now = &body.skin;
+        let bent = Frame::from(posed.verts[skin].to_vec());
+        let now = &bent.skin;
+        let relief = flesh.relieve(&bent, ROOM, &vec![true; now.len()]);
         let joint = |b: &usize| posed.bones[*b].transform_point3(figure.joints[*b]);
         let joints: Vec<DVec3> = bones.iter().map(joint).collect();
         let nearest = |p: DVec3| {
@@ -217,13 +244,12 @@ impl Fold {
         };
         let drawn = |i: &usize| relief.verts[*i].distance(now[*i]);
         let most = (0..now.len()).max_by(|a, b| drawn(a).total_cmp(&drawn(b)));
-        let mesh = Mesh {
-            verts: relief.verts.clone(),
-            faces: faces.to_vec(),
-        };
+        let (led, faces) = (&relief.verts, flesh.rest().faces());
+        let mut tree = flesh.rest().bvh().clone();
         let mut crossings = [0; FOLDS.len()];
-        for f in self_intersections(&mesh).iter().flatten() {
-            if let Some(k) = nearest(mesh.verts[mesh.faces[*f as usize][0] as usize]) {
+        let crossing = self_intersections_at(&mut tree, (led, faces));
+        for f in crossing.iter().flatten() {
+            if let Some(k) = nearest(led[faces[*f as usize][0] as usize]) {
                 crossings[k] += 1;
             }
         }
@@ -267,11 +293,12 @@ mod tests {
         let shape = Shape::default().with("weight", 0.9).expect("a phenotype");
         let figure = avatar.figure(&shape).expect("a heavy person");
         let mut pose = Pose::stance(&avatar, &figure, "walk").expect("a stance");
-        assert_eq!(unfold((&avatar, &figure), &mut pose, &STILL), Ok(0.0));
+        let body = Yielding::new(&avatar, &figure);
+        assert_eq!(unfold(&body, &mut pose, &STILL), Ok(0.0));
         let thigh = avatar.bone("upperleg01.L").expect("a leg");
         pose = Pose::rest(&avatar);
         pose.rotations[thigh] = DQuat::from_rotation_x(-2.2);
-        let less = unfold((&avatar, &figure), &mut pose, &STILL).expect("the default rig");
+        let less = unfold(&body, &mut pose, &STILL).expect("the default rig");
         assert!((0.05..0.61).contains(&less), "{less}");
         let bend = pose.rotations[thigh].to_axis_angle().1;
         assert!((bend - (2.2 - less)).abs() < 1e-9, "{bend}");

@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 use muslin_body::{Avatar, BodyError, Figure, Limbs, Motion, Pose};
 use rayon::prelude::*;
 
-use crate::figure::{FOLDS, Folding, ROOM, unfold};
+use crate::figure::{FOLDS, Folding, ROOM, Yielding, unfold};
 
 /// Room that hands and forearms leave while they move [m]: between two frames they go as far, and cloth that stands off
 /// a thigh they only graze is torn along.
@@ -43,7 +43,8 @@ pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Resul
         .collect::<Result<_, _>>()?;
     bones.sort_unstable();
     bones.dedup();
-    let look = |&k: &usize| turns((&limbs, &bones), (avatar, figure), &motion.poses[k]);
+    let body = Yielding::new(avatar, figure);
+    let look = |&k: &usize| turns((&limbs, &bones), &body, &motion.poses[k]);
     let needed: Vec<Turns> = looks.par_iter().map(look).collect::<Result<_, _>>()?;
     let led = faded(&held(&needed));
     let largest = led.iter().flatten().map(|t| t.length());
@@ -67,12 +68,12 @@ pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Resul
 /// What one pose needs.
 fn turns(
     (limbs, bones): (&Limbs, &[usize]),
-    (avatar, figure): (&Avatar, &Figure),
+    body: &Yielding<'_>,
     pose: &Pose,
 ) -> Result<Turns, BodyError> {
     let mut freed = pose.clone();
-    unfold((avatar, figure), &mut freed, &MOVING)?;
-    limbs.make_room(&mut freed, avatar, figure);
+    unfold(body, &mut freed, &MOVING)?;
+    limbs.make_room(&mut freed, body.avatar, body.figure);
     let turn = |&b: &usize| {
         let turn = freed.rotations[b] * pose.rotations[b].inverse();
         let shorter = if turn.w < 0.0 { -turn } else { turn };
