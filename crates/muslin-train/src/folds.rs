@@ -156,7 +156,6 @@ impl Lots {
                 asked.extend(&lot.verts);
             }
         }
-        if std::env::var("FOLDS").is_ok() { eprintln!("FOLDS {} of {} in {} lots", asked.len(), x.len(), self.0.len()); }
         asked.sort_unstable();
         asked
     }
@@ -210,6 +209,45 @@ mod tests {
             }
         }
         (Folds::new(&faces, &rest, &weights), x)
+    }
+
+    #[test]
+    fn whoever_is_not_asked_would_have_met_nobody() {
+        // A strip that follows one bone after the other and is folded over in the middle.
+        let n = 60u32;
+        let mut weights = Sparse::new();
+        let (mut rest, mut x) = (Vec::new(), Vec::new());
+        for v in 0..2 * n {
+            let (along, side) = (0.01 * f64::from(v / 2), 0.01 * f64::from(v % 2));
+            let (bone, t) = ((v / 60), f64::from(v % 60) / 60.0);
+            weights.push([(bone, 1.0 - t), (bone + 1, t)]);
+            rest.push(DVec3::new(along, 0.0, side));
+            let over = along.min(0.59 - along);
+            let up = if along < 0.295 {
+                0.0
+            } else {
+                0.004 + 0.3 * (0.2 - over).max(0.0)
+            };
+            x.push(DVec3::new(over, up, side));
+        }
+        let strips = (0..2 * n - 2).map(|v| match v % 2 {
+            0 => [v, v + 1, v + 2],
+            _ => [v, v + 2, v + 1],
+        });
+        let folds = Folds::new(&strips.collect::<Vec<_>>(), &rest, &weights);
+        let surface = folds.surface.moved(&x);
+        for shared in [PARTS, LIMBS] {
+            let asked = folds.lots.near_others(&x, surface.faces(), shared);
+            assert!(
+                asked.is_sorted() && asked.len() < x.len(),
+                "{}",
+                asked.len()
+            );
+            let meets = |v: u32| Some((v, folds.meets(&surface, v as usize, (0.004, shared))?));
+            let all: Vec<_> = (0..2 * n).filter_map(meets).collect();
+            assert!(all.len() > 4, "{}", all.len());
+            assert_eq!(folds.find(&x, (0.004, shared)), all);
+        }
     }
 
     #[test]
