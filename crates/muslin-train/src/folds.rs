@@ -226,7 +226,7 @@ mod tests {
             let up = if along < 0.295 {
                 0.0
             } else {
-                0.004 + 0.3 * (0.2 - over).max(0.0)
+                0.004 + 0.04 * (0.2 - over).max(0.0)
             };
             x.push(DVec3::new(over, up, side));
         }
