@@ -4,6 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::bvh::{Aabb, Bvh, face_boxes};
+use crate::intersect;
 
 /// A point of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -307,6 +308,19 @@ impl Surface {
                 visit(Crossing { at, face, leaves });
             }
         });
+    }
+
+    /// Pairs `[own face, other's face]` that share a point: as [`crate::intersecting_pairs`], without new trees.
+    pub fn intersections(&self, other: &Surface) -> Vec<[u32; 2]> {
+        intersect::meetings(
+            (&self.bvh, (&self.verts, &self.faces)),
+            (&other.bvh, (&other.verts, &other.faces)),
+        )
+    }
+
+    /// Pairs of own faces that cross: as [`crate::self_intersections`], without a new tree.
+    pub fn self_intersections(&self) -> Vec<[u32; 2]> {
+        intersect::crossings((&self.bvh, (&self.verts, &self.faces)))
     }
 
     /// Unit normal of a face; zero where it has no area.

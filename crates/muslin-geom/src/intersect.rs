@@ -12,10 +12,17 @@ use crate::bvh::{Bvh, face_boxes};
 
 /// Pairs `[face of a, face of b]` that share a point, in ascending order.
 pub fn intersecting_pairs(a: &Mesh, b: &Mesh) -> Vec<[u32; 2]> {
-    let trees = [a, b].map(|m| Bvh::over(&face_boxes(&m.verts, &m.faces)));
-    let near = trees[0].pairs(&trees[1], 0.0);
-    keep(near, |&[i, j]| {
-        triangles_meet(&corners(a, i), &corners(b, j))
+    let [of_a, of_b] = [a, b].map(|m| Bvh::over(&face_boxes(&m.verts, &m.faces)));
+    meetings((&of_a, (&a.verts, &a.faces)), (&of_b, (&b.verts, &b.faces)))
+}
+
+/// Vertices [m] and triangles, and the tree over them.
+type Placed<'a> = (&'a Bvh, (&'a [DVec3], &'a [[u32; 3]]));
+
+/// [`intersecting_pairs`] of triangles that have trees.
+pub(crate) fn meetings(a: Placed<'_>, b: Placed<'_>) -> Vec<[u32; 2]> {
+    keep(a.0.pairs(b.0, 0.0), |&[i, j]| {
+        triangles_meet(&corners(a.1, i), &corners(b.1, j))
     })
 }
 
@@ -27,7 +34,7 @@ pub fn intersecting_pairs(a: &Mesh, b: &Mesh) -> Vec<[u32; 2]> {
 /// construction.
 pub fn self_intersections(mesh: &Mesh) -> Vec<[u32; 2]> {
     let tree = Bvh::over(&face_boxes(&mesh.verts, &mesh.faces));
-    crossings(&tree, (&mesh.verts, &mesh.faces))
+    crossings((&tree, (&mesh.verts, &mesh.faces)))
 }
 
 /// [`self_intersections`] of `faces` that move, at other places of their vertices [m]: `tree` is over their boxes
@@ -37,10 +44,11 @@ pub fn self_intersections_at(
     (verts, faces): (&[DVec3], &[[u32; 3]]),
 ) -> Vec<[u32; 2]> {
     tree.refit(&face_boxes(verts, faces));
-    crossings(tree, (verts, faces))
+    crossings((tree, (verts, faces)))
 }
 
-fn crossings(tree: &Bvh, (verts, faces): (&[DVec3], &[[u32; 3]])) -> Vec<[u32; 2]> {
+/// [`self_intersections`] of triangles that have a tree.
+pub(crate) fn crossings((tree, (verts, faces)): Placed<'_>) -> Vec<[u32; 2]> {
     let of = |face: u32| {
         let face = faces[face as usize];
         (face, face.map(|v| verts[v as usize]))
@@ -65,6 +73,10 @@ fn faces_cross((f, a): ([u32; 3], [DVec3; 3]), (g, b): ([u32; 3], [DVec3; 3])) -
     }
 }
 
+fn corners((verts, faces): (&[DVec3], &[[u32; 3]]), face: u32) -> [DVec3; 3] {
+    faces[face as usize].map(|i| verts[i as usize])
+}
+
 fn edges(t: &[DVec3; 3]) -> [[DVec3; 2]; 3] {
     [0, 1, 2].map(|k| opposite(t, k))
 }
@@ -78,10 +90,6 @@ fn keep(pairs: Vec<[u32; 2]>, test: impl Fn(&[u32; 2]) -> bool + Sync) -> Vec<[u
     let mut hits: Vec<[u32; 2]> = pairs.into_par_iter().filter(|p| test(p)).collect();
     hits.sort_unstable();
     hits
-}
-
-fn corners(mesh: &Mesh, face: u32) -> [DVec3; 3] {
-    mesh.faces[face as usize].map(|i| mesh.verts[i as usize])
 }
 
 /// Whether two closed triangles share a point; degenerate ones count as segments or points.
@@ -249,6 +257,10 @@ mod tests {
     use super::*;
     use crate::testing::{Rng, sphere};
 
+    fn of(mesh: &Mesh, face: u32) -> [DVec3; 3] {
+        corners((&mesh.verts, &mesh.faces), face)
+    }
+
     fn v(x: f64, y: f64, z: f64) -> DVec3 {
         DVec3::new(x, y, z)
     }
@@ -365,6 +377,24 @@ mod tests {
     }
 
     #[test]
+    fn surfaces_that_moved_meet_as_meshes_there_do() {
+        let mut rng = Rng(5);
+        let mut soup = |at: DVec3| -> Mesh {
+            let verts: Vec<DVec3> = (0..60).map(|_| at + rng.vec()).collect();
+            let faces = (0..20).map(|f| [3 * f, 3 * f + 1, 3 * f + 2]).collect();
+            Mesh { verts, faces }
+        };
+        let [before, a, b] = [DVec3::X * 3.0, DVec3::ZERO, DVec3::X * 0.3].map(&mut soup);
+        let mut moved = crate::Surface::new(&before.verts, &before.faces);
+        moved.refit(&a.verts);
+        let other = crate::Surface::new(&b.verts, &b.faces);
+        let (met, crossed) = (moved.intersections(&other), moved.self_intersections());
+        assert!(met.len() > 5 && crossed.len() > 5, "{met:?} {crossed:?}");
+        assert_eq!(met, intersecting_pairs(&a, &b));
+        assert_eq!(crossed, self_intersections(&a));
+    }
+
+    #[test]
     fn random_triangles_agree_with_a_rounded_solution() {
         let mut rng = Rng(9);
         let mut hits = 0;
@@ -393,7 +423,7 @@ mod tests {
         let got = intersecting_pairs(&a, &near);
         let mut want = Vec::new();
         for i in 0..a.faces.len() as u32 {
-            let hit = |j: &u32| triangles_meet(&corners(&a, i), &corners(&near, *j));
+            let hit = |j: &u32| triangles_meet(&of(&a, i), &of(&near, *j));
             want.extend((0..a.faces.len() as u32).filter(hit).map(|j| [i, j]));
         }
         assert_eq!(got, want);
@@ -439,7 +469,7 @@ mod tests {
             let shared: Vec<usize> = (0..3).filter(|k| g.contains(&f[*k])).collect();
             if let [k] = shared[..] {
                 let l = (0..3).find(|l| g[*l] == f[k]).expect("shared");
-                let [a, b] = [corners(&mesh, i), corners(&mesh, j)];
+                let [a, b] = [of(&mesh, i), of(&mesh, j)];
                 let is_pole = a[k].y.abs() > 0.99;
                 assert!(is_pole || parted_at(a[k], opposite(&a, k), opposite(&b, l)));
             }

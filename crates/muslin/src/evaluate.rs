@@ -28,6 +28,7 @@ use crate::outcome::Outcome;
 use crate::table::Table;
 use crate::watch::Watch;
 use beyond::Still;
+use contact::Scene;
 use frame::Frame;
 use material::Reference;
 use solver::Solver;
@@ -101,10 +102,10 @@ fn judge(
         return Err(fault.hint("simulate again with smaller motion or a finer --edge"));
     }
     let indices: Vec<usize> = (0..sound.len()).filter(|&t| sound[t]).collect();
-    let frames: Vec<Frame> = indices
-        .par_iter()
-        .map(|&t| Frame::measure(clip, &cloth, (t, &sound)))
-        .collect();
+    let scene = Scene::new(clip, indices[0]);
+    let measure = |scene: &mut Scene, &t: &usize| Frame::measure(clip, &cloth, scene, (t, &sound));
+    let each = indices.par_iter();
+    let frames: Vec<Frame> = each.map_init(|| scene.clone(), measure).collect();
     let mut report = Report::default();
     report.set("clip", about(clip, &cloth, &sound));
     report.set("energies", energies(&frames));

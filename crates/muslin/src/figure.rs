@@ -4,7 +4,6 @@ use std::sync::OnceLock;
 
 use glam::DVec3;
 use muslin_body::{Avatar, BodyError, Cores, Figure, Limbs, Part, Pose, Posed, Shape};
-use muslin_geom::self_intersections_at;
 use muslin_sim::{Flesh, Frame};
 
 use crate::failure::{Exit, Failure};
@@ -245,10 +244,8 @@ impl Fold {
         let drawn = |i: &usize| relief.verts[*i].distance(now[*i]);
         let most = (0..now.len()).max_by(|a, b| drawn(a).total_cmp(&drawn(b)));
         let (led, faces) = (&relief.verts, flesh.rest().faces());
-        let mut tree = flesh.rest().bvh().clone();
         let mut crossings = [0; FOLDS.len()];
-        let crossing = self_intersections_at(&mut tree, (led, faces));
-        for f in crossing.iter().flatten() {
+        for f in (flesh.rest().moved(led).self_intersections().iter()).flatten() {
             if let Some(k) = nearest(led[faces[*f as usize][0] as usize]) {
                 crossings[k] += 1;
             }

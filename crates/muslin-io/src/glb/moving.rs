@@ -11,7 +11,7 @@
 
 use glam::{DAffine3, DQuat, DVec3, DVec4};
 use muslin_body::{Rig, blended};
-use muslin_geom::{Baked, Bvh, bvh::face_boxes, self_intersections_at};
+use muslin_geom::{Baked, Surface};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -130,19 +130,24 @@ fn goes(baked: &Baked, part: &Clip) -> Result<(), IoError> {
 /// other form.
 fn tight(clip: &Clip, parts: &[(String, Clip)], tracks: &[&Track]) -> Vec<bool> {
     let (frames, faces) = (&clip.drape.frames, &clip.drape.faces);
-    let first = frames.first();
-    let tree = Bvh::over(&first.map_or(Vec::new(), |x| face_boxes(x, faces)));
-    let crossings = |tree: &mut Bvh, x: &[DVec3]| self_intersections_at(tree, (x, faces)).len();
-    let one = |tree: &mut Bvh, t: usize| {
+    let Some(first) = frames.first() else {
+        return Vec::new();
+    };
+    let cloth = Surface::new(first, faces);
+    let crossings = |cloth: &mut Surface, x: &[DVec3]| {
+        cloth.refit(x);
+        cloth.self_intersections().len()
+    };
+    let one = |cloth: &mut Surface, t: usize| {
         let stored = parts.iter().zip(tracks).flat_map(|((_, part), track)| {
             let x = part.drape.frames[t].iter();
             x.map(move |x| track.stored(t, *x))
         });
-        let after = crossings(tree, &stored.collect::<Vec<_>>());
-        after > 0 && crossings(tree, &frames[t]) < after
+        let after = crossings(cloth, &stored.collect::<Vec<_>>());
+        after > 0 && crossings(cloth, &frames[t]) < after
     };
     let all = (0..frames.len()).into_par_iter();
-    all.map_init(|| tree.clone(), |tree, t| t > 0 && one(tree, t))
+    all.map_init(|| cloth.clone(), |cloth, t| t > 0 && one(cloth, t))
         .collect()
 }
 

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use glam::DVec3;
 use muslin_geom::bvh::Aabb;
 use muslin_geom::intersect::segment_meets_triangle;
-use muslin_geom::{Bvh, Mesh, Surface, intersecting_pairs, self_intersections, vertex_normals};
+use muslin_geom::{Bvh, Surface, vertex_normals};
 use muslin_io::Clip;
 
 /// Vertices closer than this count as close [m].
@@ -31,26 +31,70 @@ pub struct Contact {
     pub body_self: Option<usize>,
 }
 
-/// Signed distance of every vertex from the body [m]; infinite beyond 30 cm; empty without
-/// a body.
-pub fn clearance(clip: &Clip, t: usize) -> Vec<f64> {
-    let Some(body) = clip.body.get(t) else {
-        return Vec::new();
-    };
-    let skin = Surface::new(body, &clip.body_faces);
-    let signed = |x: &DVec3| skin.signed(*x, FAR).unwrap_or(f64::INFINITY);
-    clip.drape.frames[t].iter().map(signed).collect()
+/// The cloth and the body of a clip, moved from frame to frame: their trees keep their shape.
+#[derive(Clone)]
+pub struct Scene {
+    pub cloth: Surface,
+    skin: Option<Skin>,
+}
+
+/// A body's surface, and the tree over its vertices.
+#[derive(Clone)]
+struct Skin {
+    surface: Surface,
+    points: Bvh,
+}
+
+impl Scene {
+    /// At frame `t`.
+    pub fn new(clip: &Clip, t: usize) -> Self {
+        let skin = clip.body.get(t).map(|body| Skin {
+            surface: Surface::new(body, &clip.body_faces),
+            points: Bvh::over(&point_boxes(body)),
+        });
+        Self {
+            cloth: Surface::new(&clip.drape.frames[t], &clip.drape.faces),
+            skin,
+        }
+    }
+
+    /// Moves everything to frame `t`.
+    pub fn show(&mut self, clip: &Clip, t: usize) {
+        self.cloth.refit(&clip.drape.frames[t]);
+        if let Some(skin) = &mut self.skin {
+            skin.surface.refit(&clip.body[t]);
+            skin.points.refit(&point_boxes(&clip.body[t]));
+        }
+    }
+
+    /// Signed distance of every vertex from the body [m]; infinite beyond 30 cm; empty without
+    /// a body.
+    pub fn clearance(&self) -> Vec<f64> {
+        let Some(Skin { surface, .. }) = &self.skin else {
+            return Vec::new();
+        };
+        let mut last = 0;
+        let signed = |x: &DVec3| {
+            let Some(hit) = surface.closest_near(*x, FAR, last) else {
+                return f64::INFINITY;
+            };
+            last = hit.face;
+            surface.sided(*x, hit).signed
+        };
+        self.cloth.verts().iter().map(signed).collect()
+    }
+}
+
+fn point_boxes(points: &[DVec3]) -> Vec<Aabb> {
+    points.iter().map(|&p| Aabb::of(&[p])).collect()
 }
 
 impl Contact {
-    /// Frame `t`, whose cloth is so far from the body.
-    pub fn of(clip: &Clip, t: usize, clearance: &[f64]) -> Self {
-        let (x, body) = (&clip.drape.frames[t], &clip.body[t]);
-        let mesh = |verts: &[DVec3], faces: &[[u32; 3]]| Mesh {
-            verts: verts.to_vec(),
-            faces: faces.to_vec(),
+    /// Frame `t`, shown by the scene, whose cloth is so far from the body; nothing without one.
+    pub fn of(scene: &Scene, t: usize, clearance: &[f64]) -> Self {
+        let Some(skin) = &scene.skin else {
+            return Self::default();
         };
-        let skin = mesh(body, &clip.body_faces);
         Self {
             depths: clearance
                 .iter()
@@ -58,38 +102,36 @@ impl Contact {
                 .map(|c| -*c as f32)
                 .collect(),
             close: clearance.iter().filter(|c| **c < CLOSE).count(),
-            by_nearest_vertex: by_nearest_vertex(x, &skin),
-            pairs: intersecting_pairs(&mesh(x, &clip.drape.faces), &skin).len(),
+            by_nearest_vertex: by_nearest_vertex(scene.cloth.verts(), skin),
+            pairs: scene.cloth.intersections(&skin.surface).len(),
             body_self: t
                 .is_multiple_of(SAMPLED)
-                .then(|| self_intersections(&skin).len()),
+                .then(|| skin.surface.self_intersections().len()),
         }
     }
 }
 
-fn by_nearest_vertex(x: &[DVec3], skin: &Mesh) -> usize {
-    let points: Vec<Aabb> = skin.verts.iter().map(|&v| Aabb::of(&[v])).collect();
-    let (tree, normals) = (Bvh::over(&points), vertex_normals(&skin.verts, &skin.faces));
+fn by_nearest_vertex(x: &[DVec3], Skin { surface, points }: &Skin) -> usize {
+    let verts = surface.verts();
+    let normals = vertex_normals(verts, surface.faces());
     let is_behind = |p: &&DVec3| {
-        let nearest = tree.nearest(**p, FAR * FAR, |i| {
-            skin.verts[i as usize].distance_squared(**p)
-        });
-        nearest.is_some_and(|(i, _)| (**p - skin.verts[i as usize]).dot(normals[i as usize]) < 0.0)
+        let nearest = points.nearest(**p, FAR * FAR, |i| verts[i as usize].distance_squared(**p));
+        nearest.is_some_and(|(i, _)| (**p - verts[i as usize]).dot(normals[i as usize]) < 0.0)
     };
     x.iter().filter(is_behind).count()
 }
 
 /// Edges that pierce a triangle they share no vertex with, each pair once, by exact predicates.
-pub fn piercing_edges(mesh: &Mesh) -> usize {
+pub fn piercing_edges(cloth: &Surface) -> usize {
     let mut seen: HashSet<([u32; 2], u32)> = HashSet::new();
-    for [i, j] in self_intersections(mesh) {
+    for [i, j] in cloth.self_intersections() {
         for (from, to) in [(i, j), (j, i)] {
-            let (face, other) = (mesh.faces[from as usize], mesh.faces[to as usize]);
-            let corners = other.map(|k| mesh.verts[k as usize]);
+            let [face, other] = [from, to].map(|f| cloth.faces()[f as usize]);
+            let corners = cloth.corners(to);
             for k in 0..3 {
                 let (a, b) = (face[k], face[(k + 1) % 3]);
                 let apart = !other.contains(&a) && !other.contains(&b);
-                let edge = [a, b].map(|v| mesh.verts[v as usize]);
+                let edge = [a, b].map(|v| cloth.verts()[v as usize]);
                 if apart && segment_meets_triangle(edge, &corners) {
                     seen.insert(([a.min(b), a.max(b)], to));
                 }

@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 use muslin_energy::{hinge, stvk};
-use muslin_geom::{Mesh, Surface};
+use muslin_geom::Surface;
 use muslin_io::Clip;
 
-use super::contact::{self, Contact};
+use super::contact::{self, Contact, Scene};
 use super::material::{G, Reference};
 
 /// A vertex at least so far from the body is free [m].
@@ -53,24 +53,24 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Everything about frame `t`.
-    pub fn measure(clip: &Clip, cloth: &Reference, at: (usize, &[bool])) -> Self {
+    /// Everything about frame `t`; the scene shows it from now on.
+    pub fn measure(
+        clip: &Clip,
+        cloth: &Reference,
+        scene: &mut Scene,
+        at: (usize, &[bool]),
+    ) -> Self {
         let (mut frame, force) = Self::energies(clip, cloth, at);
         let (t, _) = at;
         let x = &clip.drape.frames[t];
+        scene.show(clip, t);
         frame.stretch(clip, cloth, x);
-        let clearance = contact::clearance(clip, t);
-        if !clip.body.is_empty() {
-            frame.contact = Contact::of(clip, t, &clearance);
-        }
+        let clearance = scene.clearance();
+        frame.contact = Contact::of(scene, t, &clearance);
         let free = (0..x.len())
             .filter(|&i| clearance.get(i).is_none_or(|&c| c > FREE) && cloth.mass[i] > 0.0);
         frame.residual = super::mean(free.map(|i| force[i].length() / (cloth.mass[i] * G)));
-        let mesh = Mesh {
-            verts: x.clone(),
-            faces: clip.drape.faces.clone(),
-        };
-        frame.crossings = contact::piercing_edges(&mesh);
+        frame.crossings = contact::piercing_edges(&scene.cloth);
         frame.wrong_order = wrong_order(clip, x);
         frame
     }

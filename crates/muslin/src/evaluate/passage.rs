@@ -10,10 +10,10 @@ use rayon::prelude::*;
 /// moving straight: it is on one side before, on the other after, and within it at the moment
 /// between. There and back within one frame is not seen.
 pub fn through_body(clip: &Clip, sound: &[bool]) -> usize {
-    between(sound, |t| {
+    between(sound, |trees, t| {
         let points = [t - 1, t].map(|t| clip.drape.frames[t].as_slice());
         let body = [t - 1, t].map(|t| clip.body[t].as_slice());
-        passages(points, (body, &clip.body_faces), |_, _| false)
+        passages(trees, points, (body, &clip.body_faces), |_, _| false)
     })
 }
 
@@ -21,20 +21,25 @@ pub fn through_body(clip: &Clip, sound: &[bool]) -> usize {
 /// frames, on a bent way, may count.
 pub fn through_cloth(clip: &Clip, sound: &[bool]) -> usize {
     let faces = &clip.drape.faces;
-    between(sound, |t| {
+    between(sound, |trees, t| {
         let x = [t - 1, t].map(|t| clip.drape.frames[t].as_slice());
-        passages(x, (x, faces), |i, f| faces[f as usize].contains(&i))
+        passages(trees, x, (x, faces), |i, f| faces[f as usize].contains(&i))
     })
 }
 
+/// Over points and over faces, once there are some: they keep their shape from frame to frame.
+type Trees = Option<[Bvh; 2]>;
+
 /// The sum over all pairs of frames with finite positions.
-fn between(sound: &[bool], count: impl Fn(usize) -> usize + Sync + Send) -> usize {
+fn between(sound: &[bool], count: impl Fn(&mut Trees, usize) -> usize + Sync + Send) -> usize {
     let pairs = (1..sound.len()).into_par_iter();
-    pairs.filter(|&t| sound[t - 1] && sound[t]).map(count).sum()
+    let pairs = pairs.filter(|&t| sound[t - 1] && sound[t]);
+    pairs.map_init(|| None, count).sum()
 }
 
 /// How many pairs of a point and a face, but those of its own, pass one another.
 fn passages(
+    trees: &mut Trees,
     x: [&[DVec3]; 2],
     (body, faces): ([&[DVec3]; 2], &[[u32; 3]]),
     is_own: impl Fn(u32, u32) -> bool,
@@ -56,7 +61,10 @@ fn passages(
             .expect("three corners")
     });
     let boxes: Vec<Aabb> = boxes.collect();
-    let near = Bvh::over(&points).pairs(&Bvh::over(&boxes), 0.0);
+    let trees = trees.get_or_insert_with(|| [&points, &boxes].map(|b| Bvh::over(b)));
+    trees[0].refit(&points);
+    trees[1].refit(&boxes);
+    let near = trees[0].pairs(&trees[1], 0.0);
     let is_passed = |&&[i, f]: &&[u32; 2]| {
         let corners = faces[f as usize];
         let at = |s: f64| {

@@ -1,7 +1,7 @@
 //! Small animations: garments as few handles and shapes, and a body without what they cover.
 
 use glam::DVec3;
-use muslin_geom::{Baked, Report, Surface, intersecting_pairs, self_intersections, vertex_normals};
+use muslin_geom::{Baked, Report, Surface, vertex_normals};
 use muslin_io::{Clip, read_moving};
 use rayon::prelude::*;
 
@@ -216,25 +216,27 @@ pub fn judged(bytes: &[u8], clip: &Clip) -> Result<Judged, Failure> {
     let mm = |x: f32| round(f64::from(x) * 1e3);
     let at = |share: f64| gaps[((gaps.len() - 1) as f64 * share) as usize];
     let mean = gaps.iter().map(|x| f64::from(*x)).sum::<f64>() / gaps.len() as f64;
-    let met = |t: usize| {
-        // A character's own skin is not read; that which the cloth lies on is next to it.
-        let (body, body_faces) = match read.body.get(t) {
-            Some(body) => (body, &read.body_faces),
-            None => (&clip.body[t], &clip.body_faces),
-        };
-        let mesh = |verts: &[DVec3], faces: &[[u32; 3]]| muslin_geom::Mesh {
-            verts: verts.to_vec(),
-            faces: faces.to_vec(),
-        };
-        let cloth = mesh(&read.drape.frames[t], &read.drape.faces);
-        let skin = mesh(body, body_faces);
-        [
-            intersecting_pairs(&cloth, &skin).len(),
-            self_intersections(&cloth).len(),
-        ]
+    // A character's own skin is not read; that which the cloth lies on is next to it.
+    let (bodies, body_faces) = match read.body.is_empty() {
+        false => (&read.body, &read.body_faces),
+        true => (&clip.body, &clip.body_faces),
     };
     let frames = read.drape.frames.len();
-    let met: Vec<[usize; 2]> = (0..frames).into_par_iter().map(met).collect();
+    let both = (frames > 0).then(|| {
+        let cloth = Surface::new(&read.drape.frames[0], &read.drape.faces);
+        [cloth, Surface::new(&bodies[0], body_faces)]
+    });
+    let met = |both: &mut Option<[Surface; 2]>, t: usize| {
+        let [cloth, skin] = both.as_mut().expect("there are frames");
+        cloth.refit(&read.drape.frames[t]);
+        skin.refit(&bodies[t]);
+        [
+            cloth.intersections(skin).len(),
+            cloth.self_intersections().len(),
+        ]
+    };
+    let all = (0..frames).into_par_iter();
+    let met: Vec<[usize; 2]> = all.map_init(|| both.clone(), met).collect();
     let frames_with = |k: usize| met.iter().filter(|n| n[k] > 0).count();
     let most = |k: usize| met.iter().map(|n| n[k]).max().unwrap_or(0);
     let mut report = Report::default();

@@ -1,7 +1,7 @@
 //! How good a simulation is, as far as that is cheap to tell.
 
 use glam::DVec3;
-use muslin_geom::{Bvh, Mesh, Report, bvh::face_boxes, intersecting_pairs, self_intersections_at};
+use muslin_geom::{Mesh, Report, Surface, intersecting_pairs};
 use muslin_io::Clip;
 use muslin_sim::{BEYOND_LIMIT, stretch};
 use rayon::prelude::*;
@@ -65,22 +65,23 @@ impl Quality {
     pub fn measure(set: &Set, clip: &Clip, (told, again): (Vec<Told>, usize)) -> Self {
         let frames = clip.drape.frames.par_iter();
         let faces = &set.cloth.faces;
-        let first = clip.drape.frames.first();
-        let tree = Bvh::over(&first.map_or(Vec::new(), |x| face_boxes(x, faces)));
+        let start = clip.drape.frames.first();
+        let cloth = start.map(|x| Surface::new(x, faces));
         let each: Vec<(Vec<[f64; 2]>, usize)> = frames
             .map_init(
-                || tree.clone(),
-                |tree, x| {
-                    let all = stretch(&set.cloth.faces, &set.cloth.rest, x);
+                || cloth.clone(),
+                |cloth, x| {
+                    let all = stretch(faces, &set.cloth.rest, x);
                     let parts = clip.drape.parts.iter().map(|p| {
                         let of = all[p.faces.clone()].to_vec();
                         let max = of.iter().copied().fold(0.0, f64::max);
                         [max, percentile_99(of)]
                     });
-                    (
-                        parts.collect(),
-                        self_intersections_at(tree, (x, faces)).len(),
-                    )
+                    let crossings = cloth.as_mut().map_or(0, |cloth| {
+                        cloth.refit(x);
+                        cloth.self_intersections().len()
+                    });
+                    (parts.collect(), crossings)
                 },
             )
             .collect();
@@ -92,7 +93,7 @@ impl Quality {
                     faces: faces.to_vec(),
                 };
                 let own = mesh(set.hero_at(hero, (t, skin)), &hero.character.faces);
-                intersecting_pairs(&mesh(x.clone(), &set.cloth.faces), &own).len()
+                intersecting_pairs(&mesh(x.clone(), faces), &own).len()
             });
             met.collect()
         };
