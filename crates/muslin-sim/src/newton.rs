@@ -194,10 +194,8 @@ impl Problem<'_> {
         {
             return;
         }
-        let mass = &self.weave.mass;
-        let off = |i: usize| (x[i] + moves[i] - self.target[i]) * mass[i];
-        let off: DVec3 = (0..x.len()).map(off).sum();
-        let shift = self.gravity * (self.step * self.step) - off / mass.iter().sum::<f64>();
+        let off = self.weave.mean(|i| x[i] + moves[i] - self.target[i]);
+        let shift = self.gravity * (self.step * self.step) - off;
         moves.iter_mut().for_each(|m| *m += shift);
     }
 

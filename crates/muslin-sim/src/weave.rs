@@ -91,11 +91,15 @@ impl Weave {
         [x[a as usize], x[b as usize], x[c as usize]]
     }
 
+    /// The mean over the cloth's mass.
+    pub fn mean(&self, of: impl Fn(usize) -> DVec3) -> DVec3 {
+        let each = self.mass.iter().enumerate();
+        each.map(|(i, m)| of(i) * *m).sum::<DVec3>() / self.mass.iter().sum::<f64>()
+    }
+
     /// The velocities `v` [m/s], all changed alike, so that they have the momentum of `of`.
     pub fn with_momentum_of(&self, of: &[DVec3], mut v: Vec<DVec3>) -> Vec<DVec3> {
-        let each = of.iter().zip(&v).zip(&self.mass);
-        let lost: DVec3 = each.map(|((of, v), m)| (*of - *v) * *m).sum();
-        let change = lost / self.mass.iter().sum::<f64>();
+        let change = self.mean(|i| of[i] - v[i]);
         v.iter_mut().for_each(|v| *v += change);
         v
     }
