@@ -35,6 +35,8 @@ pub struct Contact {
 #[derive(Clone)]
 pub struct Scene {
     pub cloth: Surface,
+    /// Every garment that another is worn over.
+    pub inner: Vec<Surface>,
     skin: Option<Skin>,
 }
 
@@ -52,15 +54,22 @@ impl Scene {
             surface: Surface::new(body, &clip.body_faces),
             points: Bvh::over(&point_boxes(body)),
         });
+        let (x, faces) = (&clip.drape.frames[t], &clip.drape.faces);
+        let worn_over = clip.drape.parts.split_last().map_or(&[][..], |s| s.1);
+        let inner = worn_over.iter();
         Self {
-            cloth: Surface::new(&clip.drape.frames[t], &clip.drape.faces),
+            cloth: Surface::new(x, faces),
+            inner: inner
+                .map(|p| Surface::new(x, &faces[p.faces.clone()]))
+                .collect(),
             skin,
         }
     }
 
     /// Moves everything to frame `t`.
     pub fn show(&mut self, clip: &Clip, t: usize) {
-        self.cloth.refit(&clip.drape.frames[t]);
+        let all = std::iter::once(&mut self.cloth).chain(&mut self.inner);
+        all.for_each(|cloth| cloth.refit(&clip.drape.frames[t]));
         if let Some(skin) = &mut self.skin {
             skin.surface.refit(&clip.body[t]);
             skin.points.refit(&point_boxes(&clip.body[t]));

@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 use muslin_energy::{hinge, stvk};
-use muslin_geom::Surface;
 use muslin_io::Clip;
 
 use super::contact::{self, Contact, Scene};
@@ -71,7 +70,7 @@ impl Frame {
             .filter(|&i| clearance.get(i).is_none_or(|&c| c > FREE) && cloth.mass[i] > 0.0);
         frame.residual = super::mean(free.map(|i| force[i].length() / (cloth.mass[i] * G)));
         frame.crossings = contact::piercing_edges(&scene.cloth);
-        frame.wrong_order = wrong_order(clip, x);
+        frame.wrong_order = wrong_order(clip, scene);
         frame
     }
 
@@ -175,13 +174,12 @@ impl Frame {
 }
 
 /// Vertices of outer garments on the inner side of a garment under them.
-fn wrong_order(clip: &Clip, x: &[DVec3]) -> usize {
-    let parts = &clip.drape.parts;
+fn wrong_order(clip: &Clip, scene: &Scene) -> usize {
+    let (parts, x) = (&clip.drape.parts, scene.cloth.verts());
     let mut wrong = vec![false; x.len()];
-    for (k, inner) in parts.iter().enumerate().take(parts.len().saturating_sub(1)) {
-        let surface = Surface::new(x, &clip.drape.faces[inner.faces.clone()]);
+    for (k, inner) in scene.inner.iter().enumerate() {
         for i in parts[k + 1..].iter().flat_map(|p| p.verts.clone()) {
-            wrong[i] |= surface.closest(x[i], LAYER).is_some_and(|c| c.signed < 0.0);
+            wrong[i] |= inner.closest(x[i], LAYER).is_some_and(|c| c.signed < 0.0);
         }
     }
     wrong.iter().filter(|w| **w).count()
