@@ -82,13 +82,14 @@ impl Scene {
         let Some(Skin { surface, .. }) = &self.skin else {
             return Vec::new();
         };
-        let mut last = 0;
+        let mut last = None;
         let signed = |x: &DVec3| {
-            let Some(hit) = surface.closest_near(*x, FAR, last) else {
-                return f64::INFINITY;
+            let near = match last {
+                Some(face) => surface.closest_near(*x, FAR, face),
+                None => surface.closest(*x, FAR),
             };
-            last = hit.face;
-            surface.sided(*x, hit).signed
+            last = near.map(|hit| hit.face);
+            near.map_or(f64::INFINITY, |hit| surface.sided(*x, hit).signed)
         };
         self.cloth.verts().iter().map(signed).collect()
     }
