@@ -25,6 +25,8 @@ pub const PARTS: f64 = 0.6;
 pub const LIMBS: f64 = 0.3;
 /// Size of a lot of vertices that are asked together whether others come near [m].
 const LOT: f64 = 0.03;
+/// By how much a sum of what is shared may be rounded.
+const ROUNDING: f64 = 1e-9;
 /// Distance that parts keep from each other [m].
 const APART: f64 = 0.003;
 
@@ -150,7 +152,7 @@ impl Lots {
         for (lot, around) in self.0.iter().zip(&verts) {
             let mut meets = false;
             tree.near(around, |other| {
-                meets |= lot.shares(&self.0[other as usize]) <= shared + 1e-9;
+                meets |= lot.shares(&self.0[other as usize]) <= shared + ROUNDING;
             });
             if meets {
                 asked.extend(&lot.verts);

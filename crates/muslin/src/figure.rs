@@ -245,7 +245,8 @@ impl Fold {
         let most = (0..now.len()).max_by(|a, b| drawn(a).total_cmp(&drawn(b)));
         let (led, faces) = (&relief.verts, flesh.rest().faces());
         let mut crossings = [0; FOLDS.len()];
-        for f in (flesh.rest().moved(led).self_intersections().iter()).flatten() {
+        let crossing = flesh.rest().moved(led).self_intersections();
+        for f in crossing.as_flattened() {
             if let Some(k) = nearest(led[faces[*f as usize][0] as usize]) {
                 crossings[k] += 1;
             }
