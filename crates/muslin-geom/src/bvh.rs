@@ -146,6 +146,32 @@ fn split(boxes: &[Aabb], (order, from): (&mut [u32], usize), (nodes, at): (&mut 
     }
 }
 
+/// Gives all of `nodes`, which start at `at`, their boxes.
+fn grow(boxes: &[Aabb], (nodes, at): (&mut [Node], usize)) {
+    let right = nodes.first().map_or(0, |n| n.first as usize);
+    if nodes.len() > SHARED {
+        let (left, right) = nodes[1..].split_at_mut(right - at - 1);
+        let right_at = at + 1 + left.len();
+        rayon::join(
+            || grow(boxes, (left, at + 1)),
+            || grow(boxes, (right, right_at)),
+        );
+        let both = left[0].bounds.union(right[0].bounds);
+        nodes[0].bounds = both;
+        return;
+    }
+    for i in (0..nodes.len()).rev() {
+        let Node { first, count, .. } = nodes[i];
+        nodes[i].bounds = if count > 0 {
+            let leaf = &boxes[first as usize..(first + count) as usize];
+            leaf.iter().fold(Aabb::EMPTY, |a, b| a.union(*b))
+        } else {
+            let right = &nodes[first as usize - at];
+            nodes[i + 1].bounds.union(right.bounds)
+        };
+    }
+}
+
 impl Bvh {
     /// A tree over `boxes`, split at the median of the longest axis.
     pub fn over(boxes: &[Aabb]) -> Bvh {
@@ -178,20 +204,11 @@ impl Bvh {
             self.order.len(),
             "a refit keeps the primitives"
         );
-        self.boxes.clear();
-        self.boxes
-            .extend(self.order.iter().map(|&i| boxes[i as usize]));
-        for i in (0..self.nodes.len()).rev() {
-            let Node { first, count, .. } = self.nodes[i];
-            self.nodes[i].bounds = if count > 0 {
-                let leaf = &self.boxes[first as usize..(first + count) as usize];
-                leaf.iter().fold(Aabb::EMPTY, |a, b| a.union(*b))
-            } else {
-                self.nodes[i + 1]
-                    .bounds
-                    .union(self.nodes[first as usize].bounds)
-            };
-        }
+        let order = self.order.par_iter().with_min_len(SHARED);
+        order
+            .map(|&i| boxes[i as usize])
+            .collect_into_vec(&mut self.boxes);
+        grow(&self.boxes, (&mut self.nodes, 0));
     }
 
     /// Calls `visit` with every primitive whose box meets `query`.

@@ -35,7 +35,7 @@ pub fn on_triangle(p: DVec3, t: &[DVec3; 3]) -> OnTriangle {
         return at(0.0, 1.0, 0.0);
     }
     let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 && d1 > d3 {
         let v = d1 / (d1 - d3);
         return at(1.0 - v, v, 0.0);
     }
@@ -45,17 +45,40 @@ pub fn on_triangle(p: DVec3, t: &[DVec3; 3]) -> OnTriangle {
         return at(0.0, 0.0, 1.0);
     }
     let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 && d2 > d6 {
         let w = d2 / (d2 - d6);
         return at(1.0 - w, 0.0, w);
     }
     let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 && d4 + d5 > d3 + d6 {
         let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
         return at(0.0, 1.0 - w, w);
     }
-    let s = 1.0 / (va + vb + vc);
+    let sum = va + vb + vc;
+    if sum.is_nan() || sum <= 0.0 {
+        return on_rim(p, t);
+    }
+    let s = 1.0 / sum;
     at(1.0 - vb * s - vc * s, vb * s, vc * s)
+}
+
+/// The point of a triangle's edges closest to `p`.
+fn on_rim(p: DVec3, t: &[DVec3; 3]) -> OnTriangle {
+    let edge = |k: usize| {
+        let (from, way) = (t[k], t[(k + 1) % 3] - t[k]);
+        let share = (p - from).dot(way) / way.length_squared();
+        let share = if share > 0.0 { share.min(1.0) } else { 0.0 };
+        let mut weights = [0.0; 3];
+        (weights[k], weights[(k + 1) % 3]) = (1.0 - share, share);
+        OnTriangle {
+            point: from + way * share,
+            weights,
+        }
+    };
+    let far = |hit: &OnTriangle| hit.point.distance_squared(p);
+    let [ab, bc, ca] = [edge(0), edge(1), edge(2)];
+    let nearer = |a, b| if far(&b) < far(&a) { b } else { a };
+    nearer(nearer(ab, bc), ca)
 }
 
 /// The closest points of two segments.
@@ -475,6 +498,27 @@ mod tests {
             assert!(got.distance <= best + 1e-9 && best - got.distance < 0.05);
             let back = a[0].lerp(a[1], got.at[0]) - b[0].lerp(b[1], got.at[1]);
             assert!(back.distance(got.gap) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn triangles_without_area_act_as_their_edges() {
+        let mut rng = Rng(25);
+        for k in 0..400 {
+            let (a, way) = (rng.vec(), rng.vec() - 0.5);
+            // All in one place, two in one place each, or all on a line.
+            let [u, v, w] = [
+                [0.0, 0.0, 0.0],
+                [0.0, 0.0, 1.0],
+                [0.0, 1.0, 0.0],
+                [0.0, 1.0, 1.0],
+                [0.0, 1.0, 0.3],
+            ][k % 5];
+            let p = rng.vec() * 3.0 - 1.0;
+            let got = on_triangle(p, &[u, v, w].map(|s| a + way * s)).point;
+            let ends = [0.0f64, u.max(v).max(w)].map(|s| a + way * s);
+            let want = on_segments(ends, [p, p]).distance;
+            assert!((got.distance(p) - want).abs() < 1e-9, "{k}: {got}, {want}");
         }
     }
 

@@ -126,39 +126,32 @@ impl Body {
         let found = ordered::map(x.len(), |i| {
             look(now, &seen[i], x[i], skin.reach + self.extra[i])
         });
-        let mut out = Vec::new();
-        for (i, hit) in found.into_iter().enumerate() {
-            let Some(hit) = hit else { continue };
-            let Some(hit) = hit else {
-                let far = 2.0 * (skin.reach + self.extra[i]);
-                self.seen[i] = Seen {
-                    at: x[i],
-                    signed: far,
-                    ..self.seen[i]
-                };
-                continue;
-            };
-            self.seen[i] = Seen {
+        let touch = |i: usize| {
+            let hit = found[i].flatten().filter(|hit| hit.signed < skin.reach)?;
+            let mut touch = self.touch(weave, (i, before[i]), &hit, skin);
+            let corners = now.faces()[hit.face as usize].iter();
+            let mut slick = corners.map(|v| self.slick.get(*v as usize) == Some(&true));
+            if !slick.any(|is_slick| is_slick) {
+                touch.press(x, weave.friction[i]);
+            }
+            Some(touch)
+        };
+        let touches = ordered::map(x.len(), touch).into_iter().flatten();
+        let touches = touches.collect();
+        ordered::change(&mut self.seen, |i, seen| match found[i] {
+            None => seen,
+            Some(None) => Seen {
+                at: x[i],
+                signed: 2.0 * (skin.reach + self.extra[i]),
+                ..seen
+            },
+            Some(Some(hit)) => Seen {
                 at: x[i],
                 face: hit.face,
                 signed: hit.signed,
-            };
-            if hit.signed < skin.reach {
-                out.push(self.touch(weave, (i, before[i]), &hit, skin));
-            }
-        }
-        let (seen, slick) = (&self.seen, &self.slick);
-        let sticks = |t: &Touch| {
-            let face = seen[t.verts[0] as usize].face as usize;
-            let corners = now.faces()[face];
-            !corners
-                .iter()
-                .any(|v| slick.get(*v as usize) == Some(&true))
-        };
-        for t in out.iter_mut().filter(|t| sticks(t)) {
-            t.press(x, weave.friction[t.verts[0] as usize]);
-        }
-        out
+            },
+        });
+        touches
     }
 
     fn touch(

@@ -15,6 +15,7 @@ use rayon::prelude::*;
 
 use crate::{
     ordered,
+    quality::percentile,
     region::{gap, shift},
     safe::make_safe,
     weave::Weave,
@@ -162,6 +163,20 @@ impl Neighbours {
                 return;
             }
         }
+    }
+
+    /// How far 98 % of the pairs in the list move at most, as seen from the one side, by these moves from `x` [m]; no end
+    /// where nobody has looked there.
+    pub fn drift(&self, x: &[DVec3], moves: &[DVec3]) -> f64 {
+        if self.held.0 != x {
+            return f64::INFINITY;
+        }
+        let mut drifts = ordered::map(self.list.len(), |k| {
+            let weights = self.list[k].gap(x).1;
+            let way = self.list[k].verts.map(|v| moves[v as usize]);
+            proximity::weighted(&way, &weights).length()
+        });
+        percentile(&mut drifts, 0.98)
     }
 
     /// Whether regions that are no pair are more than `distance` [m] apart at `x`.

@@ -17,6 +17,12 @@ pub(crate) fn sum(n: usize, part: impl Fn(Range<usize>) -> f64 + Sync) -> f64 {
     parts.iter().sum()
 }
 
+/// The largest of `value(i)` for `0..n`; less than anything of none.
+pub(crate) fn most(n: usize, value: impl Fn(usize) -> f64 + Sync + Send) -> f64 {
+    let all = (0..n).into_par_iter().with_min_len(CHUNK).map(value);
+    all.reduce(|| f64::NEG_INFINITY, f64::max)
+}
+
 /// Writes `value(i)` to every entry.
 pub(crate) fn fill<T: Send>(out: &mut [T], value: impl Fn(usize) -> T + Sync) {
     out.par_chunks_mut(CHUNK).enumerate().for_each(|(c, part)| {

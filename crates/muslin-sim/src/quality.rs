@@ -71,25 +71,22 @@ fn largest(f: &[DVec3; 2]) -> f64 {
 
 /// How far the worst face stretches beyond its limit; below zero if none does.
 pub(crate) fn excess(weave: &Weave, x: &[DVec3]) -> f64 {
-    let all = excesses(weave, x);
-    all.into_iter().fold(f64::NEG_INFINITY, f64::max)
+    ordered::most(weave.faces.len(), |f| over(weave, x, f))
 }
 
 /// How far a face in a hundred stretches beyond its limit at least.
 pub(crate) fn excess_p99(weave: &Weave, x: &[DVec3]) -> f64 {
-    percentile(&mut excesses(weave, x), 0.99)
+    let mut all = ordered::map(weave.faces.len(), |f| over(weave, x, f));
+    percentile(&mut all, 0.99)
 }
 
-/// How far every face stretches beyond its limit; below zero if it does not.
-fn excesses(weave: &Weave, x: &[DVec3]) -> Vec<f64> {
-    let over = |f: usize| {
-        let patch = &weave.patches[f];
-        let stretch = || largest(&patch.rest.deformation(&weave.corners(x, f)));
-        patch
-            .limit
-            .map_or(f64::NEG_INFINITY, |l| stretch() - l.limit)
-    };
-    ordered::map(weave.faces.len(), over)
+/// How far a face stretches beyond its limit; below zero if it does not.
+fn over(weave: &Weave, x: &[DVec3], face: usize) -> f64 {
+    let patch = &weave.patches[face];
+    let stretch = || largest(&patch.rest.deformation(&weave.corners(x, face)));
+    patch
+        .limit
+        .map_or(f64::NEG_INFINITY, |l| stretch() - l.limit)
 }
 
 /// The value below which a `share` of all lies; zero of none.

@@ -6,9 +6,12 @@
 
 use glam::DVec3;
 use muslin_geom::Aabb;
+use rayon::prelude::*;
 
-use crate::{ordered, pattern::Rows};
+use crate::pattern::Rows;
 
+/// Regions that are worth handing to another thread.
+const SHARED: usize = 32;
 /// Vertices that a region is grown to before its faces are counted.
 const SIZE: usize = 24;
 
@@ -52,7 +55,7 @@ impl Regions {
 
     /// The box of every region's points.
     pub fn boxes(&self, at: impl Fn(usize) -> DVec3 + Sync + Send) -> Vec<Aabb> {
-        ordered::map(self.len(), |r| {
+        let around = |r: usize| {
             let mut b = Aabb::EMPTY;
             for &v in self.verts.row(r) {
                 let p = at(v as usize);
@@ -60,7 +63,9 @@ impl Regions {
                 b.max = b.max.max(p);
             }
             b
-        })
+        };
+        let regions = (0..self.len()).into_par_iter().with_min_len(SHARED);
+        regions.map(around).collect()
     }
 }
 

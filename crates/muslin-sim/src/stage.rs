@@ -38,6 +38,8 @@ pub(crate) struct Stage<'a> {
     kept: Option<Factor>,
     pub tree: Bvh,
     near: Neighbours,
+    /// Whether the cloth is where a step's Newton steps begin, and was not yet led there.
+    ahead: bool,
     /// Positions [m], velocities relative to the body [m/s].
     pub x: Vec<DVec3>,
     pub v: Vec<DVec3>,
@@ -139,6 +141,7 @@ impl<'a> Stage<'a> {
             tree: Bvh::over(&face_boxes(start, &weave.faces)),
             body: Body::new(skin, start.len()),
             near: Neighbours::default(),
+            ahead: false,
             x: start.to_vec(),
             v: vec![DVec3::ZERO; start.len()],
             before: start.to_vec(),
@@ -180,11 +183,14 @@ impl<'a> Stage<'a> {
         }
         self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
         let reach = self.options.gap + WATCHED;
-        self.poked.clear();
-        for &i in &self.thin {
-            let around = Aabb::of(&[self.body.now.verts()[i as usize]]).grown(reach);
-            self.tree.near(&around, |f| self.poked.push(f));
-        }
+        let poked = |k: usize| {
+            let at = self.body.now.verts()[self.thin[k] as usize];
+            let mut near = Vec::new();
+            self.tree
+                .near(&Aabb::of(&[at]).grown(reach), |f| near.push(f));
+            near
+        };
+        self.poked = ordered::map(self.thin.len(), poked).concat();
         if let Some(mut met) = self.met.take() {
             met.extend(self.in_body().iter().map(|hit| hit[0]));
             met.sort_unstable();

@@ -12,7 +12,9 @@ use crate::{
     newton::{Descent, Problem},
     ordered,
     pairs::{self, Pair, Rule},
-    quality, slip,
+    quality,
+    safe::make_safe,
+    slip,
     touch::Touch,
 };
 
@@ -110,13 +112,13 @@ impl Stage<'_> {
             }
             let way = self.way(h, pace);
             if way.target != way.from {
-                self.go(way.drift(), !way.is_calm);
+                self.drift(&way, way.drift());
             }
             if let Some(met) = self.newton(&way, pace) {
                 self.finish_step((way, met), h, pace);
                 return Ok(());
             }
-            self.x = way.from;
+            self.stay(&way);
             self.v.fill(DVec3::ZERO);
             h *= 0.5;
         }
@@ -178,6 +180,7 @@ impl Stage<'_> {
             if pace.smooth || led.farthest > TURNED {
                 again = Some(self.touches(tau));
             }
+            self.look();
             let pairs = self.pairs((way, pace));
             let touches = again.as_ref().unwrap_or(&first);
             from.clone_from(&self.x);
@@ -260,9 +263,19 @@ impl Stage<'_> {
         met: (&[Touch], &[Pair]),
         known: (Option<f64>, f64),
     ) -> Option<Led> {
-        let Descent { moves, fell, pairs } = self.solve(on, met, known)?;
+        let Descent {
+            mut moves,
+            fell,
+            pairs,
+        } = self.solve(on, met, known)?;
         let mut lengths: Vec<f64> = moves.iter().map(|m| m.length()).collect();
         let [most, farthest] = [0.98, 1.0].map(|share| quality::percentile(&mut lengths, share));
+        if self.ahead {
+            let both = self.x.iter().zip(&on.0.from);
+            let both = moves.iter_mut().zip(both);
+            both.for_each(|(m, (x, from))| *m += *x - *from);
+            self.stay(on.0);
+        }
         self.go(moves, !on.0.is_calm);
         Some(Led {
             most,
@@ -313,6 +326,7 @@ impl Stage<'_> {
     /// drifted alike, and where it was; the pairs that push each other where it begins, and the energy
     /// there [J], where that was asked.
     fn start(&mut self, (way, pace): (&Way, &Pace), touches: &[Touch]) -> (Vec<Pair>, Option<f64>) {
+        self.look();
         let pairs = self.pairs((way, pace));
         if self.x == way.from {
             return (pairs, None);
@@ -326,15 +340,17 @@ impl Stage<'_> {
         // A few neighbours that drift apart cost more than all that is won elsewhere.
         let near = &self.weave.pattern.near;
         let alike = near.smoothed(way.drift(), ALIKE);
-        self.x.clone_from(&way.from);
-        self.go(alike, !way.is_calm);
+        self.stay(way);
+        self.drift(way, alike);
+        self.look();
         let pairs = self.pairs((way, pace));
         let problem = self.problem(way, (touches, &pairs, &pins));
         let energy = problem.energy(&self.x);
         if energy < still {
             return (pairs, Some(energy));
         }
-        self.x.clone_from(&way.from);
+        self.stay(way);
+        self.look();
         (self.pairs((way, pace)), None)
     }
 
@@ -444,11 +460,37 @@ impl Stage<'_> {
         }
     }
 
+    /// Takes cloth along `moves` [m] from where a step began to where its Newton steps begin.
+    ///
+    /// Where what is near in moving cloth hardly drifts as seen from each other, who is known to be near is near
+    /// there, too, and to be led once, with what the first Newton step adds, is enough.
+    fn drift(&mut self, way: &Way, mut moves: Vec<DVec3>) {
+        self.ahead = !way.is_calm && self.near.drift(&self.x, &moves) <= HARDLY;
+        if !self.ahead {
+            return self.go(moves, !way.is_calm);
+        }
+        make_safe(&self.near.list, &self.x, &mut moves, true);
+        self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
+    }
+
+    /// Goes back to where a step began.
+    fn stay(&mut self, way: &Way) {
+        self.x.clone_from(&way.from);
+        self.ahead = false;
+    }
+
+    /// Finds who is near whom, unless those known are to do.
+    fn look(&mut self) {
+        if !self.ahead {
+            let cloth = (self.weave, &self.tangled[..]);
+            let radius = self.barrier().radius;
+            self.near.look(cloth, &self.x, radius);
+        }
+    }
+
     /// Pairs that push, or soon will.
-    fn pairs(&mut self, (way, pace): (&Way, &Pace)) -> Vec<Pair> {
+    fn pairs(&self, (way, pace): (&Way, &Pace)) -> Vec<Pair> {
         let barrier = self.barrier();
-        let cloth = (self.weave, &self.tangled[..]);
-        self.near.look(cloth, &self.x, barrier.radius);
         let (x, h) = (&self.x, way.scheme.tau);
         // Cloth that comes to rest has no time in which it slid or fell.
         let (from, fall) = match pace.smooth {
@@ -503,6 +545,8 @@ const LOOSE: f64 = 0.05;
 const BODY_STIFFNESS: f64 = 400.0;
 /// Stiffness of cloth against cloth [N/m] per touching pair.
 const CLOTH_STIFFNESS: f64 = 150.0;
+/// How far most of what is near drifts in a step, as seen from each other, if it hardly does [m].
+const HARDLY: f64 = 1.5e-3;
 /// Speed below which cloth sticks [m/s].
 const STICK: f64 = 2e-3;
 /// No vertex starts a step faster than this [m/s].

@@ -25,7 +25,7 @@ const PACES: [((&str, f64), &str, f64); 4] = [
     (DRESS, "walk", 100.0),
     (DRESS, "dance", 100.0),
 ];
-const TEE: (&str, f64) = ("tee", 12.0);
+const TEE: (&str, f64) = ("tee", 12.9);
 const DRESS: (&str, f64) = ("dress", 10.8);
 /// Triangle edges of a walking tee [mm]: from fifteen hundred vertices to over twenty thousand.
 const EDGES: [f64; 5] = [24.0, 17.0, 12.0, 8.5, 6.0];
