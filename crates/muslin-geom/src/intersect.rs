@@ -37,16 +37,6 @@ pub fn self_intersections(mesh: &Mesh) -> Vec<[u32; 2]> {
     crossings((&tree, (&mesh.verts, &mesh.faces)))
 }
 
-/// [`self_intersections`] of `faces` that move, at other places of their vertices [m]: `tree` is over their boxes
-/// wherever they were.
-pub fn self_intersections_at(
-    tree: &mut Bvh,
-    (verts, faces): (&[DVec3], &[[u32; 3]]),
-) -> Vec<[u32; 2]> {
-    tree.refit(&face_boxes(verts, faces));
-    crossings((tree, (verts, faces)))
-}
-
 /// [`self_intersections`] of triangles that have a tree.
 pub(crate) fn crossings((tree, (verts, faces)): Placed<'_>) -> Vec<[u32; 2]> {
     let of = |face: u32| {

@@ -27,7 +27,7 @@ pub use cut::{Cut, OnEdge, cut};
 pub use drape::{Drape, Part};
 pub use fill::{FillError, Filled, fill};
 pub use image::Image;
-pub use intersect::{intersecting_pairs, self_intersections, self_intersections_at};
+pub use intersect::{intersecting_pairs, self_intersections};
 pub use mesh::{Mesh, neighbours, vertex_normals};
 pub use remesh::{OnFace, RemeshOptions, Remeshed, remesh};
 pub use report::{Report, Value};

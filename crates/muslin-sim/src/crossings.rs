@@ -8,13 +8,7 @@
 //! without their factor two, which the two sheets of an edge supply themselves.
 
 use glam::DVec3;
-use muslin_geom::{
-    Surface,
-    bvh::{Bvh, face_boxes},
-    closest::on_triangle,
-    intersect::{segment_meets_triangle, triangles_meet},
-};
-use rayon::prelude::*;
+use muslin_geom::{closest::on_triangle, intersect::segment_meets_triangle};
 
 use crate::weave::Weave;
 
@@ -25,20 +19,6 @@ pub(crate) struct Piercing {
     pub from: (u32, u8),
     /// The face that is pierced.
     pub through: u32,
-}
-
-/// Pairs `[cloth face, body face]` that meet, exactly, in ascending order.
-pub(crate) fn meeting_skin(
-    weave: &Weave,
-    (tree, x): (&mut Bvh, &[DVec3]),
-    skin: &Surface,
-) -> Vec<[u32; 2]> {
-    tree.refit(&face_boxes(x, &weave.faces));
-    let near = tree.pairs(skin.bvh(), 0.0).into_par_iter();
-    let meet = |&[f, g]: &[u32; 2]| triangles_meet(&weave.corners(x, f as usize), &skin.corners(g));
-    let mut found: Vec<[u32; 2]> = near.filter(meet).collect();
-    found.sort_unstable();
-    found
 }
 
 /// The piercing edges of crossing faces.

@@ -1,11 +1,7 @@
 //! One step after another: the cloth, the body it meets, and what is known about both.
 
 use glam::{DAffine3, DVec3};
-use muslin_geom::{
-    Aabb, Surface,
-    bvh::{Bvh, face_boxes},
-    self_intersections_at,
-};
+use muslin_geom::{Aabb, Surface};
 
 use crate::{
     body::Body,
@@ -36,7 +32,8 @@ pub(crate) struct Stage<'a> {
     handles: Option<Handles>,
     /// What handles do to the energy, as far as that may be taken from an earlier solve.
     kept: Option<Factor>,
-    pub tree: Bvh,
+    /// The cloth where it was last asked what is near, or meets it.
+    cloth: Surface,
     near: Neighbours,
     /// Whether the cloth is where a step's Newton steps begin, and was not yet led there.
     ahead: bool,
@@ -138,7 +135,7 @@ impl<'a> Stage<'a> {
             pins: cloth.pins.iter().map(held).collect(),
             handles: handles.flatten(),
             kept: None,
-            tree: Bvh::over(&face_boxes(start, &weave.faces)),
+            cloth: Surface::new(start, &weave.faces),
             body: Body::new(skin, start.len()),
             near: Neighbours::default(),
             ahead: false,
@@ -181,13 +178,13 @@ impl<'a> Stage<'a> {
         if self.thin.is_empty() && self.met.is_none() {
             return;
         }
-        self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
+        self.cloth.refit(&self.x);
+        let tree = self.cloth.bvh();
         let reach = self.options.gap + WATCHED;
         let poked = |k: usize| {
             let at = self.body.now.verts()[self.thin[k] as usize];
             let mut near = Vec::new();
-            self.tree
-                .near(&Aabb::of(&[at]).grown(reach), |f| near.push(f));
+            tree.near(&Aabb::of(&[at]).grown(reach), |f| near.push(f));
             near
         };
         self.poked = ordered::map(self.thin.len(), poked).concat();
@@ -237,7 +234,8 @@ impl<'a> Stage<'a> {
     /// Into how many pieces the body's way to `frame` must be cut: skin that goes ahead, out of the body, must not
     /// jump over cloth on its way. What draws back does not, and what passes beside it does not either.
     fn pieces(&mut self, frame: &[DVec3], cloth: impl Fn(usize) -> DVec3 + Sync + Send) -> usize {
-        self.tree.refit(&face_boxes(&self.x, &self.weave.faces));
+        self.cloth.refit(&self.x);
+        let tree = self.cloth.bvh();
         let all = Aabb::of(&self.x).grown(NEARBY);
         let skin = self.body.now.verts();
         let needed = ordered::map(skin.len(), |i| {
@@ -248,7 +246,7 @@ impl<'a> Stage<'a> {
             };
             let (mut most, mut normal) = (allowed, None);
             if all.overlaps(&around) {
-                self.tree.near(&around, |f| {
+                tree.near(&around, |f| {
                     let corners = self.weave.faces[f as usize].map(|v| v as usize);
                     let way = frame[i] - skin[i] - cloth(corners[0]);
                     // A normal is dear, and nothing goes farther ahead than it goes at all.
@@ -304,7 +302,7 @@ impl<'a> Stage<'a> {
         self.poked.clear();
         self.body.forget_all();
         self.body.stand();
-        self.tree = Bvh::over(&face_boxes(x, &self.weave.faces));
+        self.cloth = Surface::new(x, &self.weave.faces);
         self.near = Neighbours::default();
         self.find_tangles();
     }
@@ -336,12 +334,14 @@ impl<'a> Stage<'a> {
 
     /// Pairs `[cloth face, body face]` that meet.
     pub fn in_body(&mut self) -> Vec<[u32; 2]> {
-        crossings::meeting_skin(self.weave, (&mut self.tree, &self.x), &self.body.now)
+        self.cloth.refit(&self.x);
+        self.cloth.intersections(&self.body.now)
     }
 
     /// Pairs of cloth faces that cross, exactly, in ascending order.
     pub fn in_itself(&mut self) -> Vec<[u32; 2]> {
-        self_intersections_at(&mut self.tree, (&self.x, &self.weave.faces))
+        self.cloth.refit(&self.x);
+        self.cloth.self_intersections()
     }
 
     pub fn is_tangled(&self) -> bool {
