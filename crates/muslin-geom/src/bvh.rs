@@ -148,16 +148,15 @@ fn split(boxes: &[Aabb], (order, from): (&mut [u32], usize), (nodes, at): (&mut 
 
 /// Gives all of `nodes`, which start at `at`, their boxes.
 fn grow(boxes: &[Aabb], (nodes, at): (&mut [Node], usize)) {
-    let right = nodes.first().map_or(0, |n| n.first as usize);
     if nodes.len() > SHARED {
-        let (left, right) = nodes[1..].split_at_mut(right - at - 1);
-        let right_at = at + 1 + left.len();
+        let (node, below) = nodes.split_first_mut().expect("there are many");
+        let right_at = node.first as usize;
+        let (left, right) = below.split_at_mut(right_at - at - 1);
         rayon::join(
             || grow(boxes, (left, at + 1)),
             || grow(boxes, (right, right_at)),
         );
-        let both = left[0].bounds.union(right[0].bounds);
-        nodes[0].bounds = both;
+        node.bounds = left[0].bounds.union(right[0].bounds);
         return;
     }
     for i in (0..nodes.len()).rev() {

@@ -65,13 +65,12 @@ pub fn on_triangle(p: DVec3, t: &[DVec3; 3]) -> OnTriangle {
 /// The point of a triangle's edges closest to `p`.
 fn on_rim(p: DVec3, t: &[DVec3; 3]) -> OnTriangle {
     let edge = |k: usize| {
-        let (from, way) = (t[k], t[(k + 1) % 3] - t[k]);
-        let share = (p - from).dot(way) / way.length_squared();
-        let share = if share > 0.0 { share.min(1.0) } else { 0.0 };
+        let (from, to) = (t[k], t[(k + 1) % 3]);
+        let [share, _] = on_segments([from, to], [p, p]).at;
         let mut weights = [0.0; 3];
         (weights[k], weights[(k + 1) % 3]) = (1.0 - share, share);
         OnTriangle {
-            point: from + way * share,
+            point: from + (to - from) * share,
             weights,
         }
     };
