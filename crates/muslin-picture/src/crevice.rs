@@ -4,6 +4,7 @@ use std::f32::consts::TAU;
 use std::sync::LazyLock;
 
 use glam::{Mat3, Vec2, Vec3};
+use muslin_geom::widely;
 use rayon::prelude::*;
 
 use crate::fragment::Fragments;
@@ -70,9 +71,16 @@ impl Crevices {
             camera_from_world: rotation.transpose(),
         };
         let row = |y: usize| {
-            (0..depths.width)
-                .map(|x| view.openness(x, y))
-                .collect::<Vec<f32>>()
+            widely(
+                #[inline(always)]
+                || {
+                    let mut row = vec![1.0; depths.width];
+                    for (x, open) in row.iter_mut().enumerate() {
+                        *open = view.openness(x, y);
+                    }
+                    row
+                },
+            )
         };
         let rows: Vec<Vec<f32>> = (0..depths.height).into_par_iter().map(row).collect();
         Self {
@@ -105,52 +113,57 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    fn point(&self, x: usize, y: usize) -> Option<Vec3> {
-        let depth = self.depths.depth[y * self.depths.width + x];
-        let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-        let on_plane = (pixel - self.centre) * (depth / self.focal);
-        depth.is_finite().then(|| on_plane.extend(depth))
-    }
-
+    #[inline(always)]
     fn openness(&self, x: usize, y: usize) -> f32 {
-        let Some(p) = self.point(x, y) else {
+        let here = y * self.depths.width + x;
+        let depth = self.depths.depth[here];
+        if !depth.is_finite() {
             return 1.0;
-        };
-        let n = self.camera_from_world * self.depths.normal[y * self.depths.width + x];
+        }
+        let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+        let across = (middle - self.centre) / self.focal;
+        let n = self.camera_from_world * self.depths.normal[here];
         let n = Vec3::new(n.x, -n.y, -n.z);
-        let reach = (REACH * self.focal / p.z).clamp(2.0, 48.0);
-        let turn = TURNS[y % 4][x % 4];
-        let here = Vec2::new(x as f32, y as f32);
-        let tap = |at: &Vec2| self.tap(turn.rotate(*at) * reach + here, p, n);
-        let closed: f32 = SPIRAL.iter().map(tap).sum();
+        let reach = (REACH * self.focal / depth).clamp(2.0, 48.0);
+        let spiral = &SPIRALS[y % 4][x % 4];
+        // Where the taps look, in pixels from here, and what is there.
+        let (mut off, mut seen) = ([[0.0; TAPS]; 2], [f32::INFINITY; TAPS]);
+        for k in 0..TAPS {
+            let at = [x as f32, y as f32].map(|c| c + 0.5);
+            let [u, v] = [0, 1].map(|c| (spiral[c][k] * reach + at[c]).floor());
+            [off[0][k], off[1][k]] = [u + 0.5 - at[0], v + 0.5 - at[1]];
+            let inside = u >= 0.0 && v >= 0.0;
+            let (u, v) = (u as usize, v as usize);
+            if inside && u < self.depths.width && v < self.depths.height {
+                seen[k] = self.depths.depth[v * self.depths.width + u];
+            }
+        }
+        let mut closed = [0.0; TAPS];
+        for k in 0..TAPS {
+            // What is not there is out of reach.
+            let z = seen[k].min(depth + 2.0 * REACH);
+            let dx = across.x * (z - depth) + off[0][k] * (z / self.focal);
+            let dy = across.y * (z - depth) + off[1][k] * (z / self.focal);
+            let dz = z - depth;
+            let d2 = dx * dx + dy * dy + dz * dz + 1e-10;
+            let near = (1.0 - d2 / (REACH * REACH)).max(0.0);
+            let ahead = dx * n.x + dy * n.y + dz * n.z;
+            closed[k] = (ahead / d2.sqrt() - 0.12).max(0.0) * near;
+        }
+        let closed: f32 = closed.iter().sum();
         (1.0 - STRENGTH * closed / TAPS as f32).clamp(0.0, 1.0)
-    }
-
-    fn tap(&self, at: Vec2, p: Vec3, n: Vec3) -> f32 {
-        let (x, y) = (at.x + 0.5, at.y + 0.5);
-        let (w, h) = (self.depths.width as f32, self.depths.height as f32);
-        let inside = x >= 0.0 && y >= 0.0 && x < w && y < h;
-        let Some(q) = inside.then(|| self.point(x as usize, y as usize)).flatten() else {
-            return 0.0;
-        };
-        let to = q - p;
-        let d2 = to.length_squared() + 1e-10;
-        let near = (1.0 - d2 / (REACH * REACH)).max(0.0);
-        (to.dot(n) / d2.sqrt() - 0.12).max(0.0) * near
     }
 }
 
-/// Three turns outwards.
-static SPIRAL: LazyLock<[Vec2; TAPS]> = LazyLock::new(|| {
-    std::array::from_fn(|i| {
-        let share = (i as f32 + 0.5) / TAPS as f32;
-        Vec2::from_angle(3.0 * TAU * share) * share
-    })
+/// Three turns outwards, across and down, turned in each pixel of a 4 × 4 block in one of sixteen ways.
+static SPIRALS: LazyLock<[[[[f32; TAPS]; 2]; 4]; 4]> = LazyLock::new(|| {
+    let tap = |turn: f32, k: usize| {
+        let share = (k as f32 + 0.5) / TAPS as f32;
+        Vec2::from_angle(TAU / 3.0 * turn / 16.0)
+            .rotate(Vec2::from_angle(3.0 * TAU * share) * share)
+    };
+    BAYER.map(|row| row.map(|turn| [0, 1].map(|c| std::array::from_fn(|k| tap(turn, k)[c]))))
 });
-
-/// How the spiral is turned in each pixel of a 4 × 4 block: sixteen different ways.
-static TURNS: LazyLock<[[Vec2; 4]; 4]> =
-    LazyLock::new(|| BAYER.map(|row| row.map(|k| Vec2::from_angle(TAU / 3.0 * k / 16.0))));
 
 /// Ordered thresholds, each of 0 to 15 once in every 4 × 4 block.
 const BAYER: [[f32; 4]; 4] = [

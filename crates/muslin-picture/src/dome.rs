@@ -4,6 +4,7 @@
 //! what every vertex sees stays true whichever way the lights are then turned.
 
 use glam::Vec3;
+use muslin_geom::widely;
 use rayon::prelude::*;
 
 use crate::light_map::LightMap;
@@ -27,7 +28,9 @@ pub(crate) struct Dome {
 }
 
 /// Probes lit together, side by side in the processor's registers.
-const LANES: usize = 32;
+const LANES: usize = 16;
+/// Probes that one task lights.
+const CHUNK: usize = 32 * LANES;
 
 impl Dome {
     /// Looks along `count` directions, in opposite pairs, with maps of `size` texels a side.
@@ -37,7 +40,16 @@ impl Dome {
             .collect();
         let look = |&dir: &Vec3| {
             let maps = LightMap::opposite(flat, dir, size);
-            maps.map(|map| probes.iter().map(|probe| openness(&map, probe)).collect())
+            maps.map(|map| {
+                let mut open = vec![0; probes.len()];
+                for (probes, open) in probes.chunks(LANES).zip(open.chunks_mut(LANES)) {
+                    widely(
+                        #[inline(always)]
+                        || openness(&map, probes, open),
+                    );
+                }
+                open
+            })
         };
         let open: Vec<[Vec<u8>; 2]> = above.par_iter().map(look).collect();
         let dirs = above.iter().flat_map(|&dir| [dir, -dir]).collect();
@@ -54,13 +66,23 @@ impl Dome {
         let share = 4.0 / self.dirs.len().max(1) as f32 / 255.0;
         let sky: Vec<Vec3> = self.dirs.iter().map(|&d| radiance(d) * share).collect();
         let mut lit = vec![[Vec3::ZERO; 2]; self.normals.len()];
-        let chunks = lit.par_chunks_mut(LANES).enumerate();
-        chunks.for_each(|(i, out)| self.light_chunk(i * LANES, &sky, out));
+        let chunks = lit.par_chunks_mut(CHUNK).enumerate();
+        chunks.for_each(|(i, out)| {
+            widely(
+                #[inline(always)]
+                || {
+                    for (k, out) in out.chunks_mut(LANES).enumerate() {
+                        self.light_some(i * CHUNK + k * LANES, &sky, out);
+                    }
+                },
+            );
+        });
         lit
     }
 
     /// Lights the probes from `first` on, at most [`LANES`].
-    fn light_chunk(&self, first: usize, sky: &[Vec3], out: &mut [[Vec3; 2]]) {
+    #[inline(always)]
+    fn light_some(&self, first: usize, sky: &[Vec3], out: &mut [[Vec3; 2]]) {
         let mut normal = [[0.0f32; LANES]; 3];
         for (k, n) in self.normals[first..][..out.len()].iter().enumerate() {
             [normal[0][k], normal[1][k], normal[2][k]] = n.to_array();
@@ -94,11 +116,20 @@ fn direction(i: usize, count: usize) -> Vec3 {
     Vec3::new((r * turn.cos()) as f32, y as f32, (r * turn.sin()) as f32)
 }
 
-fn openness(map: &LightMap, probe: &Probe) -> u8 {
-    let side = probe.normal.dot(map.toward).signum();
-    let lift = probe.normal * (side * 1.1 * map.texel) + map.toward * (0.9 * map.texel);
-    let p = map.place(probe.at + lift);
-    (map.lit(p.x, p.y, p.z) * 255.0) as u8
+/// How open the way to a light is from at most [`LANES`] probes, 0 to 255.
+#[inline(always)]
+fn openness(map: &LightMap, probes: &[Probe], open: &mut [u8]) {
+    let (mut places, mut heights) = ([[0.0; LANES]; 2], [0.0; LANES]);
+    for (k, probe) in probes.iter().enumerate() {
+        let side = probe.normal.dot(map.toward).signum();
+        let lift = probe.normal * (side * 1.1 * map.texel) + map.toward * (0.9 * map.texel);
+        let p = map.place(probe.at + lift);
+        (places[0][k], places[1][k], heights[k]) = (p.x, p.y, p.z);
+    }
+    let lit = map.lit(&places, &heights);
+    for (open, lit) in open.iter_mut().zip(lit) {
+        *open = (lit * 255.0) as u8;
+    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The floor, seen only by the shadow on it.
 
 use glam::{DVec3, Vec2, Vec3};
+use muslin_geom::widely;
 use rayon::prelude::*;
 
 use crate::Ground;
@@ -94,8 +95,11 @@ impl Floor {
         } else {
             1.0
         };
-        let lit =
-            self.key_share * (1.0 - self.shade.shadow(key, at)) + (1.0 - self.key_share) * dome;
+        let shadow = self.shade.shadow(key, at);
+        if inside <= 0.0 && shadow == 0.0 {
+            return 1.0;
+        }
+        let lit = self.key_share * (1.0 - shadow) + (1.0 - self.key_share) * dome;
         1.0 - self.strength * (1.0 - lit)
     }
 
@@ -116,59 +120,77 @@ impl Floor {
 /// The key light's map blurred to every width: everything that stands is above
 /// the floor, so its shadow is the share of the light's disc that it covers.
 struct Pyramid {
+    /// Covered share.
     levels: Vec<Level>,
+    /// The widest disc that is looked at [texels], and the level where it is one texel.
+    widest: f32,
+    coarse: usize,
+    /// Covered share times height towards the light [m], there.
+    heights: Level,
 }
 
-/// Per texel: covered share, and covered share times height towards the light.
+/// A map of one number a texel, with a border of nothing around it.
 struct Level {
     size: usize,
-    texels: Vec<[f32; 2]>,
+    texels: Vec<f32>,
 }
 
 impl Pyramid {
     fn new(key: &LightMap) -> Self {
-        let solid = |&t: &f32| if t.is_finite() { [1.0, t] } else { [0.0, 0.0] };
-        let texels = key.top.par_iter().map(solid).collect();
-        let mut levels = vec![Level {
-            size: key.size,
-            texels,
-        }];
+        let cover = |x: usize, y: usize| f32::from(u8::from(key.top[y * key.size + x].is_finite()));
+        let mut levels = vec![Level::of(key.size, cover)];
         while levels[levels.len() - 1].size > 4 {
             let next = levels[levels.len() - 1].halved();
             levels.push(next);
         }
-        Self { levels }
+        let widest = 0.10 / key.texel;
+        let coarse = (widest.log2() as usize).min(levels.len() - 1);
+        let side = 1 << coarse;
+        let heights = Level::of(key.size >> coarse, |x, y| {
+            let rows =
+                (side * y..side * (y + 1)).map(|y| &key.top[y * key.size..][side * x..][..side]);
+            let heights = rows.flatten().filter(|t| t.is_finite());
+            heights.sum::<f32>() / (side * side) as f32
+        });
+        Self {
+            levels,
+            widest,
+            coarse,
+            heights,
+        }
     }
 
     /// Share of the key light that is hidden from a floor point [m].
     fn shadow(&self, key: &LightMap, at: Vec3) -> f32 {
         let p = key.place(at);
-        let widest = 0.10 / key.texel;
-        let level = (widest.log2() as usize).min(self.levels.len() - 1);
-        let [cover, sum] = self.levels[level].at(p.x, p.y, level);
+        let level = self.coarse;
+        let [cover] = self.levels[level].at([[p.x], [p.y]], level);
         if cover < 1e-4 {
             return 0.0;
         }
+        let [sum] = self.heights.at([[p.x], [p.y]], level);
         let above = (sum / cover - p.z).max(0.0);
-        let radius = (KEY_RADIUS * above / key.texel).clamp(1.5, 2.0 * widest);
-        self.blurred(p.x, p.y, radius)[0] / (1.0 + (above / FADE).powi(2))
+        let radius = (KEY_RADIUS * above / key.texel).clamp(1.5, 2.0 * self.widest);
+        let hidden = widely(
+            #[inline(always)]
+            || self.blurred(p.truncate(), radius),
+        );
+        hidden / (1.0 + (above / FADE).powi(2))
     }
 
-    /// Mean over a disc of `radius` texels of the finest level.
-    fn blurred(&self, x: f32, y: f32, radius: f32) -> [f32; 2] {
-        let level = (radius * 0.7)
-            .max(1.0)
-            .log2()
-            .min((self.levels.len() - 2) as f32);
-        let (fine, t) = (level.floor() as usize, level.fract());
-        let mut sum = [0.0; 2];
-        for (dx, dy, w) in TAPS {
-            let (u, v) = (x + dx * radius, y + dy * radius);
-            let a = self.levels[fine].at(u, v, fine);
-            let b = self.levels[fine + 1].at(u, v, fine + 1);
-            for k in 0..2 {
-                sum[k] += w * (a[k] + (b[k] - a[k]) * t);
-            }
+    /// Mean cover of a disc of `radius` texels of the finest level.
+    #[inline(always)]
+    fn blurred(&self, at: Vec2, radius: f32) -> f32 {
+        let last = (self.levels.len() - 2) as f32;
+        let level = (radius * 0.7).max(1.0).log2().min(last);
+        let (fine, t) = (level as usize, level.fract());
+        let [dx, dy, weights] = TAPS;
+        let places = [dx.map(|d| at.x + d * radius), dy.map(|d| at.y + d * radius)];
+        let a = self.levels[fine].at(places, fine);
+        let b = self.levels[fine + 1].at(places, fine + 1);
+        let mut sum = 0.0;
+        for k in 0..weights.len() {
+            sum += weights[k] * (a[k] + (b[k] - a[k]) * t);
         }
         sum
     }
@@ -189,55 +211,58 @@ fn softened(grid: Vec<f32>) -> Vec<f32> {
     (0..GRID * GRID).map(one).collect()
 }
 
-/// A disc's middle and six places round it, with their weights.
-const TAPS: [(f32, f32, f32); 7] = [
-    (0.0, 0.0, 0.22),
-    (0.6, 0.0, 0.13),
-    (0.3, 0.52, 0.13),
-    (-0.3, 0.52, 0.13),
-    (-0.6, 0.0, 0.13),
-    (-0.3, -0.52, 0.13),
-    (0.3, -0.52, 0.13),
+/// A disc's middle and six places round it, across and up, and their weights.
+const TAPS: [[f32; 7]; 3] = [
+    [0.0, 0.6, 0.3, -0.3, -0.6, -0.3, 0.3],
+    [0.0, 0.0, 0.52, 0.52, 0.0, -0.52, -0.52],
+    [0.22, 0.13, 0.13, 0.13, 0.13, 0.13, 0.13],
 ];
 
 impl Level {
-    fn halved(&self) -> Self {
-        let size = self.size / 2;
-        let texel = |i: usize| {
-            let (x, y) = (i % size * 2, i / size * 2);
-            let at = |dx: usize, dy: usize| self.texels[(y + dy) * self.size + x + dx];
-            let four = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
-            [0, 1].map(|k| 0.25 * (four[0][k] + four[1][k] + four[2][k] + four[3][k]))
-        };
-        Self {
-            size,
-            texels: (0..size * size).into_par_iter().map(texel).collect(),
-        }
+    fn of(size: usize, texel: impl Fn(usize, usize) -> f32 + Sync) -> Self {
+        let side = size + 2;
+        let mut texels = vec![0.0; side * side];
+        let rows = texels[side..side * (size + 1)].par_chunks_mut(side);
+        rows.enumerate().for_each(|(y, row)| {
+            for (x, out) in row[1..=size].iter_mut().enumerate() {
+                *out = texel(x, y);
+            }
+        });
+        Self { size, texels }
     }
 
-    /// The level between its texels; nothing outside.
-    fn at(&self, x: f32, y: f32, level: usize) -> [f32; 2] {
+    fn halved(&self) -> Self {
+        let side = self.size + 2;
+        Self::of(self.size / 2, |x, y| {
+            let first = (2 * y + 1) * side + 2 * x + 1;
+            let [above, below] = [first, first + side].map(|at| &self.texels[at..at + 2]);
+            0.25 * (above[0] + above[1] + below[0] + below[1])
+        })
+    }
+
+    /// The level between its texels at places counted in those of the finest; nothing outside.
+    #[inline(always)]
+    fn at<const N: usize>(&self, [x, y]: [[f32; N]; 2], level: usize) -> [f32; N] {
         let scale = 1.0 / (1 << level) as f32;
-        let (x, y) = (x * scale - 0.5, y * scale - 0.5);
-        let limit = self.size as f32;
-        if !(x > -1.0 && y > -1.0 && x < limit && y < limit) {
-            return [0.0; 2];
+        let last = self.size as f32;
+        // Counted with the border, whose outermost texels are nothing.
+        let place = |v: f32| (v * scale + 0.5).clamp(0.0, last + 1.0);
+        let (x, y) = (x.map(place), y.map(place));
+        let whole = |v: f32| (v as u32).min(self.size as u32);
+        let (i, j) = (x.map(whole), y.map(whole));
+        let side = self.size + 2;
+        let mut four = [[0.0; N]; 4];
+        for k in 0..N {
+            let first = j[k] as usize * side + i[k] as usize;
+            let [above, below] = [first, first + side].map(|at| &self.texels[at..at + 2]);
+            (four[0][k], four[1][k]) = (above[0], above[1]);
+            (four[2][k], four[3][k]) = (below[0], below[1]);
         }
-        // One more than the texel to the left and above, so that both are counts.
-        let (i, j) = ((x + 1.0) as usize, (y + 1.0) as usize);
-        let (fx, fy) = (x + 1.0 - i as f32, y + 1.0 - j as f32);
-        let texel = |di: usize, dj: usize| {
-            let (u, v) = ((i + di).wrapping_sub(1), (j + dj).wrapping_sub(1));
-            let inside = u < self.size && v < self.size;
-            if inside {
-                self.texels[v * self.size + u]
-            } else {
-                [0.0; 2]
-            }
-        };
-        let (a, b, c, d) = (texel(0, 0), texel(1, 0), texel(0, 1), texel(1, 1));
-        [0, 1].map(|k| {
-            (a[k] * (1.0 - fx) + b[k] * fx) * (1.0 - fy) + (c[k] * (1.0 - fx) + d[k] * fx) * fy
+        std::array::from_fn(|k| {
+            let (fx, fy) = (x[k] - i[k] as f32, y[k] - j[k] as f32);
+            let above = four[0][k] * (1.0 - fx) + four[1][k] * fx;
+            let below = four[2][k] * (1.0 - fx) + four[3][k] * fx;
+            above * (1.0 - fy) + below * fy
         })
     }
 }
@@ -253,13 +278,11 @@ mod tests {
 
     #[test]
     fn a_blurred_edge_fades_to_nothing_without_a_step() {
-        let solid = Level {
-            size: 8,
-            texels: vec![[1.0, 2.0]; 64],
-        };
-        let mut last = solid.at(4.0, 4.0, 0)[0];
+        let solid = Level::of(8, |_, _| 1.0);
+        let at = |x: f32| solid.at([[x], [4.0]], 0)[0];
+        let mut last = at(4.0);
         for i in 0..=60 {
-            let cover = solid.at(4.0 + 0.1 * i as f32, 4.0, 0)[0];
+            let cover = at(4.0 + 0.1 * i as f32);
             assert!((last - cover).abs() < 0.11, "step from {last} to {cover}");
             last = cover;
         }

@@ -47,6 +47,15 @@ pub(crate) struct Fragments {
 }
 
 impl Fragments {
+    /// A tile in which nothing is seen.
+    pub fn none(frame: [usize; 4]) -> Self {
+        Self {
+            frame,
+            starts: vec![0; frame[2] * frame[3] + 1],
+            items: Vec::new(),
+        }
+    }
+
     /// Fragments of the tile's pixel `at`, counted row by row.
     pub fn of(&self, at: usize) -> &[Fragment] {
         &self.items[self.starts[at] as usize..self.starts[at + 1] as usize]
@@ -86,11 +95,13 @@ impl<'a> Resolver<'a> {
     /// Turns a filled tile into fragments.
     pub fn resolve<const S: usize>(&self, tile: &Tile<S>, frame: [usize; 4]) -> Fragments {
         let offsets = pattern::<S>().map(|o| Vec2::new(o[0] as f32, o[1] as f32) / 256.0);
+        let pixels = tile.id.len();
         let mut out = Fragments {
             frame,
-            starts: vec![0],
-            items: Vec::new(),
+            starts: Vec::with_capacity(pixels + 1),
+            items: Vec::with_capacity(pixels),
         };
+        out.starts.push(0);
         for (i, ids) in tile.id.iter().enumerate() {
             if ids.iter().any(|&id| id != NOTHING) {
                 let corner = Vec2::new(

@@ -1,10 +1,11 @@
 //! What a light far away sees: the nearest surface in every texel.
 
-use glam::{DVec2, Vec2, Vec3};
+use std::ops::Range;
+
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::project::Flat;
-use crate::raster::{Bins, Tile, Tri};
 
 /// Orthographic depths along one direction.
 pub(crate) struct LightMap {
@@ -21,31 +22,24 @@ pub(crate) struct LightMap {
     pub top: Vec<f32>,
 }
 
-/// Texels a side that one task rasterises.
-const SIDE: usize = 128;
+/// Rows that one task draws.
+const BAND: usize = 128;
 
 impl LightMap {
-    /// The map of a large light, rasterised in parallel.
+    /// The map of a large light, drawn in parallel.
     pub fn new(flat: &Flat, toward: Vec3, size: usize) -> Self {
         let mut map = Self::frame(flat, toward, size);
-        let tris = map.tris(flat);
-        let bins = Bins::new(&tris, [size; 2], SIDE);
-        let tiles = (0..bins.cols * bins.rows).into_par_iter().map(|bin| {
-            let [x, y, w, h] = bins.frame(bin);
-            let mut tile = Tile::<1>::new(x, y, w, h);
-            bins.members(bin)
-                .iter()
-                .for_each(|&i| tile.fill(&tris[i as usize]));
-            (x, y, w, tile.near)
-        });
-        let tiles: Vec<_> = tiles.collect();
+        let placed = map.placed(flat);
         map.top = vec![f32::NEG_INFINITY; size * size];
-        for (x, y, w, near) in tiles {
-            for (row, texels) in near.chunks(w).enumerate() {
-                let start = (y + row) * size + x;
-                map.top[start..start + w].copy_from_slice(texels.as_flattened());
+        let bands = map.top.par_chunks_mut(BAND * size).enumerate();
+        bands.for_each(|(k, top)| {
+            let rows = BAND * k..(BAND * k + BAND).min(size);
+            for corners in triangles(flat, &placed) {
+                splat(corners, (size, rows.clone()), |at, height: [f32; 2]| {
+                    top[at] = top[at].max(height[0]);
+                });
             }
-        }
+        });
         map
     }
 
@@ -54,14 +48,11 @@ impl LightMap {
     pub fn opposite(flat: &Flat, toward: Vec3, size: usize) -> [Self; 2] {
         let mut front = Self::frame(flat, toward, size);
         let mut ends = vec![[f32::NEG_INFINITY; 2]; size * size];
-        let placed: Vec<Vec3> = flat.at.iter().map(|&p| front.place(p)).collect();
-        for f in &flat.faces {
-            let corners = [
-                placed[f[0] as usize],
-                placed[f[1] as usize],
-                placed[f[2] as usize],
-            ];
-            splat(corners, size, &mut ends);
+        for corners in triangles(flat, &front.placed(flat)) {
+            splat(corners, (size, 0..size), |at, height| {
+                let old = ends[at];
+                ends[at] = [old[0].max(height[0]), old[1].max(height[1])];
+            });
         }
         let mut back = Self {
             toward: -toward,
@@ -103,18 +94,8 @@ impl LightMap {
         }
     }
 
-    fn tris(&self, flat: &Flat) -> Vec<Tri> {
-        let placed: Vec<Vec3> = flat.at.iter().map(|&p| self.place(p)).collect();
-        let tri = |f: &[u32; 3]| {
-            let [a, b, c] = [
-                placed[f[0] as usize],
-                placed[f[1] as usize],
-                placed[f[2] as usize],
-            ];
-            let flat = |p: Vec3| DVec2::new(p.x.into(), p.y.into());
-            Tri::new([flat(a), flat(b), flat(c)], [a.z, b.z, c.z], 0)
-        };
-        flat.faces.iter().filter_map(tri).collect()
+    fn placed(&self, flat: &Flat) -> Vec<Vec3> {
+        flat.at.iter().map(|&p| self.place(p)).collect()
     }
 
     /// Texel coordinates of a point [m] and its height along `toward` [m].
@@ -123,44 +104,84 @@ impl LightMap {
         across.extend(p.dot(self.toward))
     }
 
-    /// Topmost surface of the texel around `(x, y)`; -∞ outside.
-    pub fn at(&self, x: f32, y: f32) -> f32 {
+    /// Topmost surface of the texel around each `(x, y)`; -∞ outside.
+    #[inline(always)]
+    pub fn at<const N: usize>(&self, [x, y]: &[[f32; N]; 2]) -> [f32; N] {
         let limit = self.size as f32;
-        match x >= 0.0 && y >= 0.0 && x < limit && y < limit {
-            true => self.top[y as usize * self.size + x as usize],
-            false => f32::NEG_INFINITY,
+        let mut at = [usize::MAX; N];
+        for k in 0..N {
+            let inside = x[k] >= 0.0 && y[k] >= 0.0 && x[k] < limit && y[k] < limit;
+            if inside {
+                at[k] = y[k] as usize * self.size + x[k] as usize;
+            }
         }
+        at.map(|at| *self.top.get(at).unwrap_or(&f32::NEG_INFINITY))
     }
 
-    /// Share of the four texels around `(x, y)` that let light through to `height`,
-    /// weighted by nearness.
-    pub fn lit(&self, x: f32, y: f32, height: f32) -> f32 {
-        let (x, y) = (x - 0.5, y - 0.5);
-        let limit = (self.size - 1) as f32;
-        if !(x >= 0.0 && y >= 0.0 && x < limit && y < limit) {
-            return 1.0;
+    /// Share of the four texels around each `(x, y)` that let light through to `height`, weighted by nearness.
+    #[inline(always)]
+    pub fn lit<const N: usize>(&self, [x, y]: &[[f32; N]; 2], height: &[f32; N]) -> [f32; N] {
+        let last = (self.size - 1) as f32;
+        let (mut inside, mut first) = ([false; N], [0; N]);
+        let mut between = [[0.0; N]; 2];
+        for k in 0..N {
+            let (u, v) = (x[k] - 0.5, y[k] - 0.5);
+            inside[k] = u >= 0.0 && v >= 0.0 && u < last && v < last;
+            let (i, j) = (u as u32, v as u32);
+            (between[0][k], between[1][k]) = (u - i as f32, v - j as f32);
+            first[k] = j as usize * self.size + i as usize;
         }
-        let (i, j) = (x as u32, y as u32);
-        let (fx, fy) = (x - i as f32, y - j as f32);
-        let first = j as usize * self.size + i as usize;
-        let open = |at: usize| f32::from(u8::from(self.top[at] <= height));
-        let above = open(first) * (1.0 - fx) + open(first + 1) * fx;
-        let next = first + self.size;
-        let below = open(next) * (1.0 - fx) + open(next + 1) * fx;
-        above * (1.0 - fy) + below * fy
+        let mut tops = [[f32::NEG_INFINITY; N]; 4];
+        for k in 0..N {
+            if inside[k] {
+                let [above, below] =
+                    [first[k], first[k] + self.size].map(|at| &self.top[at..at + 2]);
+                (tops[0][k], tops[1][k]) = (above[0], above[1]);
+                (tops[2][k], tops[3][k]) = (below[0], below[1]);
+            }
+        }
+        let mut out = [0.0; N];
+        for k in 0..N {
+            let open = |c: usize| if tops[c][k] <= height[k] { 1.0 } else { 0.0 };
+            let (fx, fy) = (between[0][k], between[1][k]);
+            let above = open(0) * (1.0 - fx) + open(1) * fx;
+            let below = open(2) * (1.0 - fx) + open(3) * fx;
+            out[k] = above * (1.0 - fy) + below * fy;
+        }
+        for k in 0..N {
+            if !inside[k] {
+                out[k] = 1.0;
+            }
+        }
+        out
     }
 }
 
-/// Raises `[highest, -lowest]` of every texel whose middle lies in a triangle of
-/// (texel x, texel y, height); triangles seen edge-on are left to their neighbours.
-fn splat([a, b, c]: [Vec3; 3], size: usize, ends: &mut [[f32; 2]]) {
+/// All faces, their corners `placed`.
+fn triangles<'a>(flat: &'a Flat, placed: &'a [Vec3]) -> impl Iterator<Item = [Vec3; 3]> + 'a {
+    let corners = |f: &[u32; 3]| f.map(|v| placed[v as usize]);
+    flat.faces.iter().map(corners)
+}
+
+/// Says of the texels about a triangle of (texel x, texel y, height), counted from the first of these rows of a map of
+/// `size` a side, how high it is over their middles and the same from below; -∞ where it is not. Triangles seen edge-on are
+/// left to their neighbours.
+#[inline(always)]
+fn splat(
+    [a, b, c]: [Vec3; 3],
+    (size, band): (usize, Range<usize>),
+    mut raise: impl FnMut(usize, [f32; 2]),
+) {
     let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
     // Texel coordinates are positive: the map has a border.
     let cols = (lo.x + 0.5) as usize..((hi.x + 0.5) as usize).min(size);
-    let rows = (lo.y + 0.5) as usize..((hi.y + 0.5) as usize).min(size);
+    let rows = ((lo.y + 0.5) as usize).max(band.start)..((hi.y + 0.5) as usize).min(band.end);
+    if cols.is_empty() || rows.is_empty() {
+        return;
+    }
     let (ab, ac) = (b - a, c - a);
     let area = ab.truncate().perp_dot(ac.truncate());
-    if cols.is_empty() || rows.is_empty() || area.abs() < 1e-9 {
+    if area.abs() < 1e-9 {
         return;
     }
     let inv = 1.0 / area;
@@ -169,11 +190,14 @@ fn splat([a, b, c]: [Vec3; 3], size: usize, ends: &mut [[f32; 2]]) {
             let d = Vec2::new(x as f32 + 0.5 - a.x, y as f32 + 0.5 - a.y);
             let u = d.perp_dot(ac.truncate()) * inv;
             let v = ab.truncate().perp_dot(d) * inv;
-            if u >= -1e-4 && v >= -1e-4 && u + v <= 1.0001 {
-                let height = a.z + u * ab.z + v * ac.z;
-                let texel = &mut ends[y * size + x];
-                *texel = [texel[0].max(height), texel[1].max(-height)];
-            }
+            let height = a.z + u * ab.z + v * ac.z;
+            // Half of them are not in it: to guess which costs more than to raise all.
+            let inside = (u >= -1e-4) & (v >= -1e-4) & (u + v <= 1.0001);
+            let or_not = |height: f32| if inside { height } else { f32::NEG_INFINITY };
+            raise(
+                (y - band.start) * size + x,
+                [or_not(height), or_not(-height)],
+            );
         }
     }
 }
@@ -202,9 +226,11 @@ mod tests {
         assert_eq!(solid, 28 * 28, "all but the border of two texels");
         assert!(front.top.iter().all(|&t| !t.is_finite() || t == 0.2));
         assert!(back.top.iter().all(|&t| !t.is_finite() || t == 0.3));
+        assert_eq!(LightMap::new(&flat, Vec3::Z, 32).top, front.top);
         let below = back.place(at(0.0, 0.0, -0.4));
-        assert_eq!(back.lit(below.x, below.y, below.z), 1.0);
+        let lit = |p: Vec3| back.lit(&[[p.x], [p.y]], &[p.z])[0];
+        assert_eq!(lit(below), 1.0);
         let inside = back.place(at(0.0, 0.0, 0.0));
-        assert_eq!(back.lit(inside.x, inside.y, inside.z), 0.0);
+        assert_eq!(lit(inside), 0.0);
     }
 }

@@ -43,6 +43,7 @@ impl Tri {
 
     /// Columns and rows of pixels with samples in its bounding box, cut to a
     /// rectangle; samples lie from `first` to `last` in a pixel.
+    #[inline(always)]
     fn span(&self, cols: Range<i32>, rows: Range<i32>, [first, last]: [i32; 2]) -> [Range<i32>; 2] {
         let cut = |v: [i32; 3], r: Range<i32>| {
             let lo = (v[0].min(v[1]).min(v[2]) - last + 255) >> 8;
@@ -53,11 +54,12 @@ impl Tri {
     }
 
     /// The three edge functions, non-negative inside.
+    #[inline(always)]
     fn edges(&self) -> [Edge; 3] {
         [self.edge(0, 1), self.edge(1, 2), self.edge(2, 0)]
     }
 
-    #[inline]
+    #[inline(always)]
     fn edge(&self, i: usize, j: usize) -> Edge {
         let dx = i64::from(self.x[j]) - i64::from(self.x[i]);
         let dy = i64::from(self.y[j]) - i64::from(self.y[i]);
@@ -72,6 +74,7 @@ impl Tri {
     }
 
     /// Nearness as a plane over snapped coordinates.
+    #[inline(always)]
     fn plane(&self) -> Plane {
         let from = |v: [i32; 3], i: usize| f64::from(v[i]) - f64::from(v[0]);
         let rise = |i: usize| f64::from(self.near[i]) - f64::from(self.near[0]);
@@ -107,10 +110,12 @@ struct Edge {
 }
 
 impl Edge {
+    #[inline(always)]
     fn at(&self, x: i64, y: i64) -> i64 {
         self.a * x + self.b * y + self.c
     }
 
+    #[inline(always)]
     fn is_wide(&self) -> bool {
         self.a.abs().max(self.b.abs()) >= WIDE
     }
@@ -183,6 +188,7 @@ impl<const S: usize> Tile<S> {
     }
 
     /// Lets every sample that `tri` covers, nearer than before, see it.
+    #[inline(always)]
     pub fn fill(&mut self, tri: &Tri) {
         let [cols, rows] = tri.span(
             self.x0..self.x0 + self.width,
@@ -200,6 +206,7 @@ impl<const S: usize> Tile<S> {
         }
     }
 
+    #[inline(always)]
     fn fill_narrow(&mut self, tri: &Tri, e: &[Edge; 3], cols: Range<i32>, rows: Range<i32>) {
         let plane = tri.plane();
         let step = e.map(|e| self.offsets.map(|o| e.a as i32 * o[0] + e.b as i32 * o[1]));

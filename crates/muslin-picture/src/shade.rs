@@ -4,6 +4,7 @@ use std::f32::consts::{PI, TAU};
 use std::sync::LazyLock;
 
 use glam::{Vec2, Vec3};
+use muslin_geom::widely;
 
 use crate::fragment::Fragment;
 use crate::light_map::LightMap;
@@ -36,10 +37,7 @@ impl Shader<'_> {
         let cos = normal.dot(l);
         let wrapped = ((cos + material.wrap) / (1.0 + material.wrap)).clamp(0.0, 1.0);
         // Light bounced inside a crevice takes on the cloth's colour.
-        let open3 = Vec3::splat(open)
-            .powf(1.0)
-            .lerp(Vec3::ONE, Vec3::splat(0.0).x);
-        let bounced = open3 + (Vec3::ONE - open3) * albedo * (0.6 * open);
+        let bounced = Vec3::splat(open) + albedo * ((1.0 - open) * 0.6 * open);
         let dome = f.dome + bounce(f.dome, albedo);
         let diffuse = albedo * (key * wrapped * (0.4 + 0.6 * open) + dome * bounced);
         let gloss = key * highlight(material, normal, l, view);
@@ -94,33 +92,47 @@ impl Shader<'_> {
     /// Percentage-closer soft shadows (Fernando 2005): a first look finds how far
     /// off the blockers are, a second blurs by what the lamp's size makes of it.
     fn key_share(&self, f: &Fragment, x: usize, y: usize) -> f32 {
+        let receiver = Receiver::new(self.key_map, f);
+        match receiver.turned_away {
+            true => 0.0,
+            false => widely(
+                #[inline(always)]
+                || self.unblocked(&receiver, Vec2::from_angle(TAU * interleaved(x, y))),
+            ),
+        }
+    }
+
+    #[inline(always)]
+    fn unblocked(&self, receiver: &Receiver, turn: Vec2) -> f32 {
         let map = self.key_map;
-        let receiver = Receiver::new(map, f);
-        if receiver.turned_away {
-            return 0.0;
-        }
-        let turn = Vec2::from_angle(TAU * interleaved(x, y));
         let widest = (KEY_RADIUS * 0.45 / map.texel).clamp(2.0, 40.0);
-        let (mut height, mut blockers) = (0.0, 0.0);
-        for point in SEARCH.iter() {
-            let d = turn.rotate(*point) * widest;
-            let top = map.at(receiver.at.x + d.x, receiver.at.y + d.y);
-            if top > receiver.height(d) {
-                (height, blockers) = (height + top, blockers + 1.0);
-            }
+        let (places, heights) = receiver.around(&SEARCH, turn * widest);
+        let tops = map.at(&places);
+        let (mut sums, mut blockers) = ([0.0; LANES], 0);
+        for k in 0..tops.len() {
+            let blocks = tops[k] > heights[k];
+            sums[k % LANES] += if blocks { tops[k] } else { 0.0 };
+            blockers += usize::from(blocks);
         }
-        if blockers == 0.0 {
-            return 1.0;
+        // What all around is hidden from the lamp is so itself.
+        if blockers == 0 || blockers == tops.len() {
+            return if blockers == 0 { 1.0 } else { 0.0 };
         }
-        let gap = (height / blockers - receiver.at.z).max(0.0);
+        let height = sums.iter().sum::<f32>() / blockers as f32;
+        let gap = (height - receiver.at.z).max(0.0);
         let radius = (KEY_RADIUS * gap / map.texel).clamp(1.6, widest);
-        let tap = |point: &Vec2| {
-            let d = turn.rotate(*point) * radius;
-            map.lit(receiver.at.x + d.x, receiver.at.y + d.y, receiver.height(d))
-        };
-        TAPS.iter().map(tap).sum::<f32>() / TAPS.len() as f32
+        let (places, heights) = receiver.around(&TAPS, turn * radius);
+        let lit = map.lit(&places, &heights);
+        let mut sums = [0.0; LANES];
+        for k in 0..lit.len() {
+            sums[k % LANES] += lit[k];
+        }
+        sums.iter().sum::<f32>() / lit.len() as f32
     }
 }
+
+/// Sums kept side by side.
+const LANES: usize = 4;
 
 /// Light that hidden places get from the cloth around them, which hides the dome.
 fn bounce(dome: Vec3, albedo: Vec3) -> Vec3 {
@@ -129,9 +141,9 @@ fn bounce(dome: Vec3, albedo: Vec3) -> Vec3 {
 }
 
 /// Where blockers are looked for.
-static SEARCH: LazyLock<[Vec2; 20]> = LazyLock::new(spiral);
+static SEARCH: LazyLock<[[f32; 20]; 2]> = LazyLock::new(spiral);
 /// Where the shadow is looked at.
-static TAPS: LazyLock<[Vec2; 40]> = LazyLock::new(spiral);
+static TAPS: LazyLock<[[f32; 40]; 2]> = LazyLock::new(spiral);
 
 /// A shaded point as the key light's map sees it.
 struct Receiver {
@@ -160,18 +172,31 @@ impl Receiver {
         }
     }
 
-    /// Height below which a texel `d` off does not block.
-    fn height(&self, d: Vec2) -> f32 {
-        self.at.z + self.slope.dot(d) + self.margin
+    /// Texel coordinates of the points of a disc about it, each multiplied by `turn` as complex numbers are, and the height
+    /// below which a texel there does not block.
+    #[inline(always)]
+    fn around<const N: usize>(
+        &self,
+        [x, y]: &[[f32; N]; 2],
+        turn: Vec2,
+    ) -> ([[f32; N]; 2], [f32; N]) {
+        let (mut places, mut heights) = ([[0.0; N]; 2], [0.0; N]);
+        for k in 0..N {
+            let (dx, dy) = (turn.x * x[k] - turn.y * y[k], turn.y * x[k] + turn.x * y[k]);
+            (places[0][k], places[1][k]) = (self.at.x + dx, self.at.y + dy);
+            heights[k] = self.at.z + self.slope.x * dx + self.slope.y * dy + self.margin;
+        }
+        (places, heights)
     }
 }
 
-/// `N` points spread evenly over the unit disc.
-fn spiral<const N: usize>() -> [Vec2; N] {
-    std::array::from_fn(|i| {
+/// `N` points spread evenly over the unit disc, across and up.
+fn spiral<const N: usize>() -> [[f32; N]; 2] {
+    let point = |i: usize| {
         let r = ((i as f32 + 0.5) / N as f32).sqrt();
         Vec2::from_angle(i as f32 * 2.399_963) * r
-    })
+    };
+    [0, 1].map(|c| std::array::from_fn(|i| point(i)[c]))
 }
 
 /// Interleaved gradient noise (Jimenez 2014), 0 to 1.

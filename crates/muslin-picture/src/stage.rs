@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec3, Vec4};
-use muslin_geom::Image;
+use glam::{Mat3, Vec2, Vec3, Vec4};
+use muslin_geom::{Image, widely};
 use rayon::prelude::*;
 
-use crate::background::{backdrop, is_graded};
+use crate::background::{backdrop, bare, is_graded};
 use crate::crevice::{Crevices, Depths};
 use crate::dome::{Dome, Probe};
 use crate::floor::{Floor, Patch};
@@ -138,6 +138,7 @@ impl<'a> Stage<'a> {
             3 => self.tiles::<9>(camera, &dome),
             _ => self.tiles::<16>(camera, &dome),
         };
+        let bare = bare(&self.scene.background, camera.width, camera.height);
         let depths = Depths::new(&tiles, camera.width, camera.height);
         let rotation = camera.world_from_camera.matrix3.as_mat3();
         let crevices = self.options.crevices.then(|| {
@@ -151,9 +152,11 @@ impl<'a> Stage<'a> {
         Exposure {
             stage: self,
             camera,
+            rotation,
             studio,
             key_map,
             floor,
+            bare,
             tiles,
             depths,
             crevices,
@@ -184,9 +187,19 @@ impl<'a> Stage<'a> {
         let resolve = |tile: &mut Tile<S>, bin: usize| {
             let frame = bins.frame(bin);
             let members = bins.members(bin);
+            if members.is_empty() {
+                return Fragments::none(frame);
+            }
             let [x, y, w, h] = frame;
             tile.reset(x, y, w, h);
-            members.iter().for_each(|&i| tile.fill(&tris[i as usize]));
+            widely(
+                #[inline(always)]
+                || {
+                    for &i in members {
+                        tile.fill(&tris[i as usize]);
+                    }
+                },
+            );
             resolver.resolve(tile, frame)
         };
         let start = || Tile::<S>::new(0, 0, 0, 0);
@@ -201,9 +214,13 @@ impl<'a> Stage<'a> {
 pub(crate) struct Exposure<'s> {
     stage: &'s Stage<'s>,
     camera: &'s Camera,
+    /// The camera's.
+    rotation: Mat3,
     studio: Studio,
     key_map: LightMap,
     floor: Option<Floor>,
+    /// The backdrop's pixels, were there nothing else.
+    bare: Vec<[u8; 4]>,
     /// Fragments, tile by tile.
     pub tiles: Vec<Fragments>,
     /// Depth of every pixel.
@@ -241,6 +258,13 @@ impl Exposure<'_> {
     }
 
     fn pixel(&self, shader: &Shader, fragments: &[Fragment], x: usize, y: usize) -> [u8; 4] {
+        if fragments.is_empty() {
+            let light = self.floor_light(x, y);
+            return match light == 1.0 {
+                true => self.bare[y * self.camera.width + x],
+                false => self.before((Vec3::ZERO, 0.0), (x, y), light),
+            };
+        }
         let (mut sum, mut cover) = (Vec3::ZERO, 0.0);
         for f in fragments {
             let open = self
@@ -250,11 +274,16 @@ impl Exposure<'_> {
             sum += shader.colour(f, x, y, open) * f.weight;
             cover += f.weight;
         }
-        let free = 1.0 - cover;
-        if free < 1e-3 {
+        if 1.0 - cover < 1e-3 {
             return opaque(sum / cover, 0.0);
         }
-        let behind = self.behind(x, y);
+        self.before((sum, cover), (x, y), self.floor_light(x, y))
+    }
+
+    /// A premultiplied colour that covers so much of a pixel, before a floor that lets `light` (0 to 1) through.
+    fn before(&self, (sum, cover): (Vec3, f32), (x, y): (usize, usize), light: f32) -> [u8; 4] {
+        let free = 1.0 - cover;
+        let behind = self.behind(x, y, light);
         let alpha = cover + free * behind.w;
         let colour = (sum + behind.truncate() * free) / alpha.max(1e-6);
         let noise = if is_graded(&self.stage.scene.background) {
@@ -269,21 +298,20 @@ impl Exposure<'_> {
         }
     }
 
-    /// Backdrop and floor behind a pixel, premultiplied.
-    fn behind(&self, x: usize, y: usize) -> Vec4 {
-        let pixel = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+    /// The backdrop of a pixel under a floor that lets `light` (0 to 1) through, premultiplied.
+    fn behind(&self, x: usize, y: usize, light: f32) -> Vec4 {
         let size = Vec2::new(self.camera.width as f32, self.camera.height as f32);
-        let light = self
-            .floor
-            .as_ref()
-            .map_or(1.0, |floor| self.floor_light(floor, pixel));
-        backdrop(&self.stage.scene.background, pixel, size, light)
+        backdrop(&self.stage.scene.background, middle(x, y), size, light)
     }
 
-    fn floor_light(&self, floor: &Floor, pixel: Vec2) -> f32 {
+    /// How much light the floor has that a pixel sees, 0 to 1.
+    fn floor_light(&self, x: usize, y: usize) -> f32 {
+        let Some(floor) = &self.floor else {
+            return 1.0;
+        };
         let camera = self.camera;
-        let off = (pixel - camera.centre.as_vec2()) / camera.focal as f32;
-        let ray = camera.world_from_camera.matrix3.as_mat3() * Vec3::new(off.x, -off.y, -1.0);
+        let off = (middle(x, y) - camera.centre.as_vec2()) / camera.focal as f32;
+        let ray = self.rotation * Vec3::new(off.x, -off.y, -1.0);
         let eye = camera.world_from_camera.translation.as_vec3();
         let t = (floor.height - eye.y) / ray.y;
         match t.is_finite() && t > 0.0 && eye.y > floor.height {
@@ -291,6 +319,11 @@ impl Exposure<'_> {
             false => 1.0,
         }
     }
+}
+
+/// The middle of a pixel [px].
+fn middle(x: usize, y: usize) -> Vec2 {
+    Vec2::new(x as f32 + 0.5, y as f32 + 0.5)
 }
 
 fn opaque(colour: Vec3, dither: f32) -> [u8; 4] {

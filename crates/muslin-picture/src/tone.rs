@@ -36,9 +36,10 @@ pub(crate) fn film(light: Vec3) -> Vec3 {
 }
 
 /// The sRGB curve on [0, 1], within 1/100 of a byte step: least squares over
-/// roots, which cost a tenth of a power. Four at once, as processors take them.
-pub(crate) fn encode(c: [f32; 4]) -> [f32; 4] {
-    let mut out = [0.0; 4];
+/// roots, which cost a tenth of a power. Several at once, as processors take them.
+#[inline(always)]
+pub(crate) fn encode<const N: usize>(c: [f32; N]) -> [f32; N] {
+    let mut out = [0.0; N];
     for (out, c) in out.iter_mut().zip(c) {
         let half = c.sqrt();
         let fourth = half.sqrt();
@@ -54,13 +55,19 @@ pub(crate) fn encode(c: [f32; 4]) -> [f32; 4] {
 
 /// Displayable light to sRGB bytes; `dither` in (-0.5, 0.5) shifts the rounding.
 pub(crate) fn bytes(colour: Vec3, dither: f32) -> [u8; 3] {
-    let [r, g, b] = colour.clamp(Vec3::ZERO, Vec3::ONE).to_array();
-    let mut levels = encode([r, g, b, 0.0]);
-    for level in &mut levels {
+    let [r, g, b] = colour.to_array();
+    let [r, g, b, _] = levels([r, g, b, 0.0], [dither; 4]);
+    [r, g, b]
+}
+
+/// The same for several channels at once, each with its own dither.
+#[inline(always)]
+pub(crate) fn levels<const N: usize>(light: [f32; N], dither: [f32; N]) -> [u8; N] {
+    let mut levels = encode(light.map(|c| c.clamp(0.0, 1.0)));
+    for (level, dither) in levels.iter_mut().zip(dither) {
         *level = (*level * 255.0 + 0.5 + dither).clamp(0.0, 255.0);
     }
-    let [r, g, b, _] = levels;
-    [r as u8, g as u8, b as u8]
+    levels.map(|level| level as u8)
 }
 
 /// sRGB bytes to displayable light.
@@ -69,6 +76,7 @@ pub(crate) fn light(pixel: [u8; 4]) -> Vec3 {
 }
 
 /// Noise of one triangular-free step at a pixel, in (-0.5, 0.5), the same every time.
+#[inline(always)]
 pub(crate) fn dither(x: usize, y: usize) -> f32 {
     let mut h = (x as u32).wrapping_mul(0x9E37_79B1) ^ (y as u32).wrapping_mul(0x85EB_CA77);
     h = (h ^ (h >> 15)).wrapping_mul(0x2C1B_3C6D);
