@@ -110,26 +110,34 @@ fn n_nodes(primitives: usize) -> usize {
     }
 }
 
-/// Splits the primitives in `order`, which start at `from` among all, into `nodes`, which start at `at`.
-fn split(boxes: &[Aabb], (order, from): (&mut [u32], usize), (nodes, at): (&mut [Node], usize)) {
+/// A primitive that is sorted: where its box has its middle on the axis of the split, as a number in the same order, and
+/// which it is.
+type Placed = (i64, u32);
+
+/// Splits the primitives in `all`, which start at `from` among all, into `nodes`, which start at `at`. `centres`: the
+/// middles of all boxes [m].
+fn split(
+    centres: &[DVec3],
+    (all, from): (&mut [Placed], usize),
+    (nodes, at): (&mut [Node], usize),
+) {
     let (node, below) = nodes.split_first_mut().expect("a node for every split");
-    if order.len() <= LEAF {
-        (node.first, node.count) = (from as u32, order.len() as u32);
+    if all.len() <= LEAF {
+        (node.first, node.count) = (from as u32, all.len() as u32);
         return;
     }
-    let centre = |i: u32| boxes[i as usize].centre();
-    let size = order.iter().fold(Aabb::EMPTY, |b, &i| Aabb {
-        min: b.min.min(centre(i)),
-        max: b.max.max(centre(i)),
+    let size = all.iter().fold(Aabb::EMPTY, |b, p| Aabb {
+        min: b.min.min(centres[p.1 as usize]),
+        max: b.max.max(centres[p.1 as usize]),
     });
     let axis = (size.max - size.min).max_position();
-    let half = order.len() / 2;
-    order.select_nth_unstable_by(half, |&a, &b| {
-        let key = |i: u32| centre(i)[axis];
-        key(a).total_cmp(&key(b)).then(a.cmp(&b))
-    });
-    let shared = order.len() > SHARED;
-    let (left, right) = order.split_at_mut(half);
+    for p in &mut *all {
+        p.0 = ordered(centres[p.1 as usize][axis]);
+    }
+    let half = all.len() / 2;
+    all.select_nth_unstable(half);
+    let shared = all.len() > SHARED;
+    let (left, right) = all.split_at_mut(half);
     let (left_nodes, right_nodes) = below.split_at_mut(n_nodes(half));
     let right_at = at + 1 + left_nodes.len();
     node.first = right_at as u32;
@@ -137,13 +145,19 @@ fn split(boxes: &[Aabb], (order, from): (&mut [u32], usize), (nodes, at): (&mut 
     let right = (right, from + half);
     if shared {
         rayon::join(
-            || split(boxes, left, (left_nodes, at + 1)),
-            || split(boxes, right, (right_nodes, right_at)),
+            || split(centres, left, (left_nodes, at + 1)),
+            || split(centres, right, (right_nodes, right_at)),
         );
     } else {
-        split(boxes, left, (left_nodes, at + 1));
-        split(boxes, right, (right_nodes, right_at));
+        split(centres, left, (left_nodes, at + 1));
+        split(centres, right, (right_nodes, right_at));
     }
+}
+
+/// A whole number that is in the same order, as [`f64::total_cmp`] has it.
+fn ordered(x: f64) -> i64 {
+    let bits = x.to_bits() as i64;
+    bits ^ (((bits >> 63) as u64) >> 1) as i64
 }
 
 /// Gives all of `nodes`, which start at `at`, their boxes.
@@ -184,14 +198,17 @@ impl Bvh {
             first: 0,
             count: 0,
         };
+        let centres: Vec<DVec3> = boxes.iter().map(Aabb::centre).collect();
+        let mut all: Vec<Placed> = (0..boxes.len() as u32).map(|i| (0, i)).collect();
         let mut bvh = Bvh {
-            order: (0..boxes.len() as u32).collect(),
+            order: Vec::new(),
             nodes: vec![leaf; nodes],
             boxes: Vec::new(),
         };
         if !boxes.is_empty() {
-            split(boxes, (&mut bvh.order, 0), (&mut bvh.nodes, 0));
+            split(&centres, (&mut all, 0), (&mut bvh.nodes, 0));
         }
+        bvh.order = all.into_iter().map(|p| p.1).collect();
         bvh.refit(boxes);
         bvh
     }

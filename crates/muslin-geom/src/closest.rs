@@ -169,7 +169,7 @@ pub struct Surface {
 impl Surface {
     /// A surface over triangles, counter-clockwise seen from outside.
     pub fn new(verts: &[DVec3], faces: &[[u32; 3]]) -> Surface {
-        let (face_edges, n_edges) = number_edges(faces);
+        let (face_edges, n_edges) = number_edges(verts.len(), faces);
         let of_edge = Uses::new(n_edges, &face_edges);
         Surface {
             faces: faces.to_vec(),
@@ -431,25 +431,27 @@ fn crossing(p: DVec3, d: DVec3, t: &[DVec3; 3]) -> Option<(f64, bool)> {
     (at > 0.0 && at <= 1.0).then_some((at, det < 0.0))
 }
 
-/// Numbers the edges of `faces` in the order of their first use.
-fn number_edges(faces: &[[u32; 3]]) -> (Vec<[u32; 3]>, usize) {
-    let mut keys: Vec<(u32, u32, u32)> = Vec::with_capacity(faces.len() * 3);
-    for (i, f) in faces.iter().enumerate() {
-        for k in 0..3 {
-            let (a, b) = (f[k], f[(k + 1) % 3]);
-            keys.push((a.min(b), a.max(b), (3 * i + k) as u32));
+/// Numbers the edges of `faces` of `n` vertices in the order of their ends, and counts them.
+fn number_edges(n: usize, faces: &[[u32; 3]]) -> (Vec<[u32; 3]>, usize) {
+    let ends = |f: &[u32; 3], k: usize| [f[k], f[(k + 1) % 3]];
+    let low = |f: &[u32; 3]| [0, 1, 2].map(|k| ends(f, k).into_iter().fold(u32::MAX, u32::min));
+    let low: Vec<[u32; 3]> = faces.iter().map(low).collect();
+    let uses = Uses::new(n, &low);
+    let (mut face_edges, mut n_edges) = (vec![[0; 3]; faces.len()], 0);
+    let mut row = Vec::new();
+    for v in 0..n as u32 {
+        row.clear();
+        row.extend(uses.of(v).iter().map(|&corner| {
+            let [a, b] = ends(&faces[corner as usize / 3], corner as usize % 3);
+            (a.max(b), corner)
+        }));
+        row.sort_unstable();
+        for (k, &(end, corner)) in row.iter().enumerate() {
+            n_edges += usize::from(k == 0 || row[k - 1].0 != end);
+            face_edges[corner as usize / 3][corner as usize % 3] = n_edges as u32 - 1;
         }
     }
-    keys.sort_unstable();
-    let mut face_edges = vec![[0; 3]; faces.len()];
-    let mut n = 0;
-    for i in 0..keys.len() {
-        if i > 0 && (keys[i].0, keys[i].1) != (keys[i - 1].0, keys[i - 1].1) {
-            n += 1;
-        }
-        face_edges[keys[i].2 as usize / 3][keys[i].2 as usize % 3] = n as u32;
-    }
-    (face_edges, n + usize::from(!keys.is_empty()))
+    (face_edges, n_edges)
 }
 
 #[cfg(test)]

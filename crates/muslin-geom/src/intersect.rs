@@ -92,7 +92,8 @@ pub fn triangles_meet(a: &[DVec3; 3], b: &[DVec3; 3]) -> bool {
         || edges(b).into_iter().any(|e| segment_meets_triangle(e, a))
 }
 
-/// How far along a way points go at most and at least, and by how much rounding may be wrong there.
+/// How far along a way places go at most and at least, counted from somewhere near, and by how much rounding may be wrong
+/// there.
 struct Extent {
     most: f64,
     least: f64,
@@ -100,13 +101,15 @@ struct Extent {
 }
 
 impl Extent {
-    fn new(way: DVec3, points: &[DVec3]) -> Self {
+    /// `places`: differences of two points, each rounded once.
+    #[inline]
+    fn new<const N: usize>(way: DVec3, places: [DVec3; N]) -> Self {
         let mut to = Self {
             most: f64::NEG_INFINITY,
             least: f64::INFINITY,
             error: f64::MIN_POSITIVE,
         };
-        for p in points {
+        for p in places {
             let far = p.dot(way);
             to.most = to.most.max(far);
             to.least = to.least.min(far);
@@ -121,23 +124,25 @@ impl Extent {
     }
 }
 
-/// A sum of three products is rounded by less than this share of what they are without their signs: there are five
-/// operations, each rounds by 2⁻⁵³ at most.
+/// A sum of three products of differences is rounded by less than this share of what they are without their signs: no
+/// product meets more than six operations, each of which rounds by 2⁻⁵³ at most.
 const ROUNDING: f64 = 1e-15;
 
 /// Whether two triangles lie on either side of a plane across the way between their middles. Most that are near each
 /// other do, and it takes no exact number to know that: a doubt is a no.
 fn parted(a: &[DVec3; 3], b: &[DVec3; 3]) -> bool {
-    let way = (b[0] - a[0]) + (b[1] - a[1]) + (b[2] - a[2]);
+    let (a, b) = (a.map(|p| p - a[0]), b.map(|p| p - a[0]));
+    let way = (b[0] + b[1] + b[2]) - (a[1] + a[2]);
     Extent::new(way, a).is_before(&Extent::new(way, b))
 }
 
 /// The same of two edges and a corner that both their triangles share, on the plane.
 fn parted_at(corner: DVec3, a: [DVec3; 2], b: [DVec3; 2]) -> bool {
-    let middle = |edge: [DVec3; 2]| ((edge[0] - corner) + (edge[1] - corner)).normalize_or_zero();
-    let way = middle(b) - middle(a);
-    let [a, here, b] = [&a[..], &[corner], &b].map(|points| Extent::new(way, points));
-    a.is_before(&here) && here.is_before(&b)
+    let [a, b] = [a, b].map(|edge| edge.map(|p| p - corner));
+    let (to_a, to_b) = (a[0] + a[1], b[0] + b[1]);
+    let way = to_b * to_a.length() - to_a * to_b.length();
+    let here = Extent::new(way, [DVec3::ZERO]);
+    Extent::new(way, a).is_before(&here) && here.is_before(&Extent::new(way, b))
 }
 
 /// Whether all of `b` lies strictly on one side of `a`'s plane.

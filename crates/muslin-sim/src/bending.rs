@@ -29,12 +29,16 @@ impl Bending {
         let bend = |f: usize| cloth.materials[cloth.material_of[f] as usize].bend;
         let entries = plate::entries(&cloth.faces, &cloth.rest, bend);
         let mut near = vec![0.0; pattern.near.items.len()];
-        let is_far = |&&(i, j, _): &&(u32, u32, f64)| pattern.near.find(i, j).is_none();
-        let pairs = entries.iter().filter(is_far).map(|e| (e.0, e.1)).collect();
-        let far = Rows::sorted(cloth.n_verts(), pairs);
+        let places: Vec<Option<usize>> = (entries.iter())
+            .map(|&(i, j, _)| pattern.near.find(i, j))
+            .collect();
+        let is_far = |(_, place): &(_, &Option<usize>)| place.is_none();
+        let pairs = entries.iter().zip(&places).filter(is_far);
+        let pairs: Vec<_> = pairs.map(|(e, _)| (e.0, e.1)).collect();
+        let far = Rows::sorted(cloth.n_verts(), &pairs);
         let mut far_weights = vec![0.0; far.items.len()];
-        for &(i, j, q) in &entries {
-            match pattern.near.find(i, j) {
+        for (&(i, j, q), place) in entries.iter().zip(&places) {
+            match *place {
                 Some(k) => near[k] += q,
                 None => far_weights[far.find(i, j).expect("entered as far above")] += q,
             }

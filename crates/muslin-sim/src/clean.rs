@@ -33,27 +33,33 @@ pub(crate) fn finish(
     (weave, cores): (&Weave, &[DVec3]),
 ) -> Result<Settled, SimError> {
     let speed_p99 = stage.speed();
-    for _ in 0..CLEANINGS {
-        stage.find_tangles();
-        let thin = thin_hits(stage, cores);
-        if thin.is_empty() && !stage.is_tangled() {
-            break;
+    let mut rounds = 0;
+    let (tangles, hits) = loop {
+        let (tangles, hits) = (stage.find_tangles(), stage.in_body());
+        let thin = thin_hits(stage, &hits, cores);
+        if rounds == CLEANINGS || (thin.is_empty() && tangles == 0) {
+            break (tangles, hits);
         }
+        rounds += 1;
         cover(stage, thin);
         for _ in 0..2 {
             stage.v.fill(DVec3::ZERO);
             stage.calm_step()?;
         }
-    }
-    let yielded = give(stage, cores);
+    };
+    let given = give(stage, hits, cores);
     // What is stored is rounded: cloth must be clear of the skin by more than that.
     let clear = nearer(stage);
     let lies = std::mem::replace(&mut stage.x, clear);
-    let yielded = yielded.max(give(stage, cores));
+    let hits = stage.in_body();
+    let cleared = give(stage, hits, cores);
     stage.x = lies;
-    let crossing = stage.in_itself().len();
-    let meeting = stage.in_body().len();
-    let measured = Settled::measure(weave, stage.x.clone(), &stage.body.now, (crossing, meeting));
+    let left = match cleared.yielded > 0.0 {
+        true => stage.in_body().len(),
+        false => given.left,
+    };
+    let yielded = given.yielded.max(cleared.yielded);
+    let measured = Settled::measure(weave, stage.x.clone(), &stage.body.now, (tangles, left));
     Ok(Settled {
         steps: stage.steps,
         speed_p99,
@@ -83,29 +89,24 @@ pub(crate) struct Tidy {
 ///
 /// The next frame starts from the body as it was: a dent made here is this frame's own.
 pub(crate) fn tidy(stage: &mut Stage<'_>, cores: &[DVec3]) -> Tidy {
-    let skin = stage.body.now.verts().to_vec();
-    let yielded = give(stage, cores);
-    if yielded == 0.0 {
-        return Tidy {
-            skin,
-            yielded,
-            left: 0,
-        };
+    let mut skin = stage.body.now.verts().to_vec();
+    let hits = stage.in_body();
+    let Given { yielded, left } = give(stage, hits, cores);
+    if yielded > 0.0 {
+        let dented = stage.body.now.verts().to_vec();
+        stage.body.now.refit(&skin);
+        stage.body.forget();
+        skin = dented;
     }
-    let left = stage.in_body().len();
-    let dented = stage.body.now.verts().to_vec();
-    stage.body.now.refit(&skin);
-    stage.body.forget();
     Tidy {
-        skin: dented,
+        skin,
         yielded,
         left,
     }
 }
 
-/// Faces of the cloth that something thin of the body pokes through.
-fn thin_hits(stage: &mut Stage<'_>, cores: &[DVec3]) -> Vec<u32> {
-    let hits = stage.in_body();
+/// Faces of the cloth that something thin of the body pokes through, of all `hits`.
+fn thin_hits(stage: &Stage<'_>, hits: &[[u32; 2]], cores: &[DVec3]) -> Vec<u32> {
     let skin = &stage.body.now;
     let is_thin = |hit: &&[u32; 2]| {
         let corners = skin.faces()[hit[1] as usize];
@@ -143,15 +144,22 @@ fn most_given(skin: &Surface, (cores, first): (&[DVec3], DVec3), v: usize) -> f6
     }
 }
 
-/// Draws the skin back where it still meets cloth; says how far at most [m].
-fn give(stage: &mut Stage<'_>, cores: &[DVec3]) -> f64 {
+/// How skin was drawn back.
+struct Given {
+    /// How far at most [m].
+    yielded: f64,
+    /// The pairs of triangles that meet all the same.
+    left: usize,
+}
+
+/// Draws the skin back where it still meets cloth; `hits`: the pairs of triangles that do.
+fn give(stage: &mut Stage<'_>, mut hits: Vec<[u32; 2]>, cores: &[DVec3]) -> Given {
     let n = stage.body.now.verts().len();
     let mut given = vec![0.0; n];
     // As thick as the flesh is before it yields: it is pressed thinner on the way.
     let first = stage.body.now.verts().to_vec();
     let mut gives: Vec<Option<f64>> = vec![None; n];
     for _ in 0..YIELDS {
-        let hits = stage.in_body();
         if hits.is_empty() {
             break;
         }
@@ -171,8 +179,12 @@ fn give(stage: &mut Stage<'_>, cores: &[DVec3]) -> f64 {
             given[v] += dented[v].distance(skin.verts()[v]);
         }
         stage.body.now.refit(&dented);
+        hits = stage.in_body();
     }
-    given.into_iter().fold(0.0, f64::max)
+    Given {
+        yielded: given.into_iter().fold(0.0, f64::max),
+        left: hits.len(),
+    }
 }
 
 #[cfg(test)]

@@ -140,17 +140,18 @@ fn drape_inside(
     (path, body_faces): (&[Frame], &[[u32; 3]]),
     (options, go_on): (&Options, GoOn<'_>),
 ) -> Result<Settled, SimError> {
-    let weave = Weave::new(cloth)?;
+    cloth.check()?;
     same("start", start.len(), cloth.n_verts())?;
     finite("start vertex", start)?;
     let first = path.first().ok_or(SimError::EmptyPath)?;
     for frame in path {
         frame.check(first.skin.len())?;
     }
-    let worn_on = {
+    let worn_on = || {
         let skin = Surface::new(&first.skin, body_faces);
         Carrier::new(&skin, start).worn_on(&skin)
     };
+    let (weave, worn_on) = rayon::join(|| Weave::new(cloth), worn_on);
     let job = Job {
         cloth,
         start,
@@ -158,7 +159,7 @@ fn drape_inside(
         body_faces,
         worn_on,
         firm: OnceCell::new(),
-        weave,
+        weave: weave?,
         options,
         go_on,
     };

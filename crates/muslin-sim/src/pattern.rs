@@ -14,16 +14,28 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Sorts `(row, item)` pairs into rows; an item given twice is kept once.
-    pub fn sorted(n: usize, mut pairs: Vec<(u32, u32)>) -> Rows {
-        pairs.sort_unstable();
-        pairs.dedup();
-        Rows::gather(n, &pairs)
+    /// Rows of `(row, item)` pairs in any order, each in ascending order; an item given twice is kept once.
+    pub fn sorted(n: usize, pairs: &[(u32, u32)]) -> Rows {
+        let mut rows = Rows::counted(n, pairs);
+        let (mut start, mut kept) = (vec![0; n + 1], 0);
+        for row in 0..n {
+            let (span, first) = (rows.span(row), kept);
+            rows.items[span.clone()].sort_unstable();
+            for k in span {
+                let item = rows.items[k];
+                if kept == first || rows.items[kept - 1] != item {
+                    rows.items[kept] = item;
+                    kept += 1;
+                }
+            }
+            start[row + 1] = kept as u32;
+        }
+        rows.items.truncate(kept);
+        Rows { start, ..rows }
     }
 
-    /// Rows from pairs that are in row order already; from others, rows whose items are still to be
-    /// placed.
-    fn gather(n: usize, pairs: &[(u32, u32)]) -> Rows {
+    /// Rows from `(row, item)` pairs in any order; each row keeps the order they came in.
+    pub fn counted(n: usize, pairs: &[(u32, u32)]) -> Rows {
         let mut start = vec![0; n + 1];
         for &(row, _) in pairs {
             start[row as usize + 1] += 1;
@@ -31,22 +43,13 @@ impl Rows {
         for i in 0..n {
             start[i + 1] += start[i];
         }
-        Rows {
-            start,
-            items: pairs.iter().map(|p| p.1).collect(),
-        }
-    }
-
-    /// Rows from `(row, item)` pairs in any order; each row keeps the order they came in.
-    pub fn counted(n: usize, pairs: &[(u32, u32)]) -> Rows {
-        let mut rows = Rows::gather(n, pairs);
-        let mut next = rows.start.clone();
+        let (mut items, mut next) = (vec![0; pairs.len()], start.clone());
         for &(row, item) in pairs {
             let place = &mut next[row as usize];
-            rows.items[*place as usize] = item;
+            items[*place as usize] = item;
             *place += 1;
         }
-        rows
+        Rows { start, items }
     }
 
     pub fn span(&self, row: usize) -> std::ops::Range<usize> {
@@ -108,7 +111,7 @@ impl Pattern {
                 pairs.extend((0..3).map(|b| (face[a], face[b])));
             }
         }
-        let near = Rows::sorted(n, pairs);
+        let near = Rows::sorted(n, &pairs);
         let place = |i, j| near.find(i, j).expect("every pair of corners was entered") as u32;
         let places = faces
             .iter()
@@ -121,7 +124,7 @@ impl Pattern {
             n_pieces,
             places,
             diagonal,
-            corners: Rows::sorted(n, corners),
+            corners: Rows::sorted(n, &corners),
             near,
         }
     }

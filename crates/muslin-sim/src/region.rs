@@ -34,7 +34,7 @@ impl Regions {
         let numbered: Vec<(u32, u32)> = faces.iter().map(owner).zip(0..).collect();
         Regions {
             faces: Rows::counted(n, &numbered),
-            verts: Rows::sorted(n, faces.iter().flat_map(corners).collect()),
+            verts: Rows::sorted(n, &faces.iter().flat_map(corners).collect::<Vec<_>>()),
         }
     }
 

@@ -275,7 +275,8 @@ impl<'a> Stage<'a> {
         self.go(moves, false);
     }
 
-    pub fn find_tangles(&mut self) {
+    /// Finds what passed through cloth, and says how many pairs of faces cross.
+    pub fn find_tangles(&mut self) -> usize {
         let pairs = self.in_itself();
         self.tangled.fill(false);
         for v in pairs
@@ -286,6 +287,7 @@ impl<'a> Stage<'a> {
             self.tangled[v as usize] = true;
         }
         self.near.gather(&self.tangled);
+        pairs.len()
     }
 
     /// Skin vertices that the cloth is worn on.

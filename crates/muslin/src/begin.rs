@@ -56,7 +56,10 @@ pub(crate) fn begin(
             let parting = Parting::new(&mesh.faces, (rest.0, still), &skin);
             wrong = parting.part(&mut mesh, crossings);
         }
-        wrong += lost(&skin, &mesh.verts);
+        // More than too many need not be counted.
+        if wrong <= MANY {
+            wrong += lost(&skin, &mesh.verts);
+        }
         Some((wrong, *share, mesh.verts))
     };
     let mut least: Option<(usize, f64, Vec<DVec3>)> = None;
@@ -175,7 +178,12 @@ impl<'p> Parting<'p> {
 /// How many vertices of the cloth at `x` [m] lie deep in a body.
 fn lost(skin: &Surface, x: &[DVec3]) -> usize {
     let [depth, far] = LOST;
-    let is_lost = |p: &&DVec3| skin.signed(**p, far).is_some_and(|d| d < -depth);
+    let is_lost = |p: &&DVec3| {
+        let hit = skin.closest(**p, far);
+        // On which side only matters of what is far from it.
+        let hit = hit.filter(|hit| hit.signed.abs() > depth);
+        hit.is_some_and(|hit| skin.sided(**p, hit).signed < -depth)
+    };
     x.par_iter().filter(is_lost).count()
 }
 

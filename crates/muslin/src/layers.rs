@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use muslin_garment::Garment;
-use muslin_geom::{Mesh, Surface, intersecting_pairs, neighbours};
+use muslin_geom::{Surface, neighbours};
 use rayon::prelude::*;
 
 /// How cloth is led out of other cloth.
@@ -67,20 +67,11 @@ impl Under {
         (lack > 0.0 && !at_rim).then(|| hit.normal * lack)
     }
 
-    /// Its triangles.
-    fn mesh(&self) -> Mesh {
-        Mesh {
-            verts: self.surface.verts().to_vec(),
-            faces: self.surface.faces().to_vec(),
-        }
-    }
-
-    /// How the corners of triangles outside that cross this garment, whose mesh is `own`, get before what they cross.
-    fn lifts(&self, (outer, own): (&Mesh, &Mesh), lead: &Lead) -> Vec<Option<DVec3>> {
-        let mut out: Vec<Option<DVec3>> = vec![None; outer.verts.len()];
-        for [f, g] in intersecting_pairs(outer, own) {
-            let face = outer.faces[f as usize];
-            let here = face.map(|v| outer.verts[v as usize]);
+    /// How the corners of triangles outside that cross this garment get before what they cross.
+    fn lifts(&self, outer: &Surface, lead: &Lead) -> Vec<Option<DVec3>> {
+        let mut out: Vec<Option<DVec3>> = vec![None; outer.verts().len()];
+        for [f, g] in outer.intersections(&self.surface) {
+            let (face, here) = (outer.faces()[f as usize], outer.corners(f));
             let there = self.surface.corners(g);
             // Either the fold goes under this triangle, or the triangle over the plane of the fold.
             let up = (here[1] - here[0]).cross(here[2] - here[0]);
@@ -138,30 +129,26 @@ fn over(x: &mut [DVec3], faces: &[[u32; 3]], (under, lead): (&[Under], &Lead)) {
         return;
     }
     let near = neighbours(x.len(), faces);
-    let mut outer = Mesh {
-        verts: x.to_vec(),
-        faces: faces.to_vec(),
-    };
+    let mut outer = Surface::new(x, faces);
     for layer in under {
         for _ in 0..ROUNDS {
-            let all = outer.verts.par_iter();
+            let all = x.par_iter();
             let pushes: Vec<Option<DVec3>> = all.map(|p| layer.push(*p, lead)).collect();
             let most = pushes.iter().flatten().map(|d| d.length());
             if most.fold(0.0, f64::max) < DONE {
                 break;
             }
-            give_way(&mut outer.verts, &pushes, &near);
+            give_way(x, &pushes, &near);
         }
-        let own = layer.mesh();
         for _ in 0..ROUNDS {
-            let pushes = layer.lifts((&outer, &own), lead);
+            outer.refit(x);
+            let pushes = layer.lifts(&outer, lead);
             if pushes.iter().all(Option::is_none) {
                 break;
             }
-            give_way(&mut outer.verts, &pushes, &near);
+            give_way(x, &pushes, &near);
         }
     }
-    x.copy_from_slice(&outer.verts);
 }
 
 /// Moves `x` [m] as it is pushed, and what is `near` along with it.
@@ -241,11 +228,8 @@ mod tests {
             rim: vec![false; below.len()],
         }];
         let crossed = |x: &[DVec3]| {
-            let outer = Mesh {
-                verts: x.to_vec(),
-                faces: coarse.clone(),
-            };
-            let lifts = under[0].lifts((&outer, &under[0].mesh()), &Lead::STRANGE);
+            let outer = Surface::new(x, &coarse);
+            let lifts = under[0].lifts(&outer, &Lead::STRANGE);
             lifts.iter().flatten().count()
         };
         let mut x = above.clone();
