@@ -13,6 +13,7 @@ use crate::packed::{self, Reader, Writer};
 use crate::{AvatarParts, BodyError, Bone, PartCounts, Sparse, Target};
 use foretell::Mesh;
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Steps of the mean body [m].
 const MEAN_STEP: f64 = 1e-6;
@@ -359,21 +360,21 @@ fn get_targets(mut r: Reader<'_>, mesh: &Mesh) -> Result<Vec<Target>, BodyError>
     if names.len() != opposites.len() {
         return Err(BodyError::Corrupt("sliders without ends"));
     }
-    let mut known = vec![[0; 3]; mesh.order().count()];
-    let mut targets = Vec::with_capacity(names.len());
-    for (name, opposite) in names.into_iter().zip(opposites) {
-        let opposite = Some(opposite).filter(|o| !o.is_empty());
-        let up = mesh.get_some(&mut r, TARGET_STEP, &mut known)?;
-        let down = mesh.get_some(&mut r, TARGET_STEP, &mut known)?;
-        targets.push(Target {
-            name,
-            opposite,
-            up,
-            down,
-        });
-    }
+    let ends: Result<Vec<_>, BodyError> = (0..names.len())
+        .map(|_| Ok([Mesh::read_some(&mut r)?, Mesh::read_some(&mut r)?]))
+        .collect();
     r.finish()?;
-    Ok(targets)
+    let none = || vec![[0; 3]; mesh.order().count()];
+    let all = names.into_par_iter().zip(opposites).zip(ends?);
+    let targets = all.map_init(none, |known, ((name, opposite), [up, down])| {
+        Ok(Target {
+            name,
+            opposite: Some(opposite).filter(|o| !o.is_empty()),
+            up: mesh.get_some(&up, TARGET_STEP, known)?,
+            down: mesh.get_some(&down, TARGET_STEP, known)?,
+        })
+    });
+    targets.collect()
 }
 
 #[cfg(test)]

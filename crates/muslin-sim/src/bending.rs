@@ -24,23 +24,28 @@ pub(crate) struct Bending {
     pub far_single: Vec<f32>,
 }
 
+/// The place of an entry where stretch has none.
+const FAR: u32 = u32::MAX;
+
 impl Bending {
     pub fn new(cloth: &Cloth, pattern: &Pattern) -> Bending {
         let bend = |f: usize| cloth.materials[cloth.material_of[f] as usize].bend;
         let entries = plate::entries(&cloth.faces, &cloth.rest, bend);
         let mut near = vec![0.0; pattern.near.items.len()];
-        let places: Vec<Option<usize>> = (entries.iter())
-            .map(|&(i, j, _)| pattern.near.find(i, j))
-            .collect();
-        let is_far = |(_, place): &(_, &Option<usize>)| place.is_none();
+        let place = |&(i, j, _): &(u32, u32, f64)| match pattern.near.find(i, j) {
+            Some(k) => k as u32,
+            None => FAR,
+        };
+        let places: Vec<u32> = entries.iter().map(place).collect();
+        let is_far = |(_, place): &(_, &u32)| **place == FAR;
         let pairs = entries.iter().zip(&places).filter(is_far);
         let pairs: Vec<_> = pairs.map(|(e, _)| (e.0, e.1)).collect();
         let far = Rows::sorted(cloth.n_verts(), &pairs);
         let mut far_weights = vec![0.0; far.items.len()];
         for (&(i, j, q), place) in entries.iter().zip(&places) {
             match *place {
-                Some(k) => near[k] += q,
-                None => far_weights[far.find(i, j).expect("entered as far above")] += q,
+                FAR => far_weights[far.find(i, j).expect("entered as far above")] += q,
+                k => near[k as usize] += q,
             }
         }
         Bending {

@@ -63,8 +63,9 @@ pub(crate) fn begin(
         Some((wrong, *share, mesh.verts))
     };
     let mut least: Option<(usize, f64, Vec<DVec3>)> = None;
-    // Much of a look is one thread's work, so the next is taken at the same time.
-    'all: for shares in SHARES.chunks(2) {
+    // Much of a look is one thread's work, so the next is taken at the same time while most are in vain.
+    let (first, others) = SHARES.split_at(2);
+    'all: for shares in [first].into_iter().chain(others.chunks(1)) {
         let seen: Vec<_> = shares.par_iter().map(look).collect();
         for one in seen {
             let one = one?;

@@ -21,6 +21,13 @@ pub struct Mesh {
     n_verts: usize,
 }
 
+/// Moves of some points as they are written: their places in the order, and by how much they are not what was foretold, in
+/// steps.
+pub struct Moves {
+    places: Vec<i32>,
+    off: [Vec<i32>; 3],
+}
+
 /// How many times finer the steps of anchors are than those of vertices.
 ///
 /// Where a joint is off, everything beyond it turns about the wrong point; anchors are few.
@@ -203,20 +210,25 @@ impl Mesh {
         }
     }
 
-    /// Reads moves [m] of some points, by point. `known` is all zeros, and is so again afterwards.
+    /// Reads moves of some points as they are written.
+    pub fn read_some(r: &mut Reader) -> Result<Moves, BodyError> {
+        let places = r.differences()?;
+        let off = [r.ints()?, r.ints()?, r.ints()?];
+        if off.iter().any(|o| o.len() != places.len()) {
+            return Err(BodyError::Corrupt("moves of other points"));
+        }
+        Ok(Moves { places, off })
+    }
+
+    /// Moves [m] of some points, by point. `known` is all zeros, and is so again afterwards.
     pub fn get_some(
         &self,
-        r: &mut Reader,
+        Moves { places, off }: &Moves,
         step: f64,
         known: &mut [[i32; 3]],
     ) -> Result<Vec<(u32, [f32; 3])>, BodyError> {
-        let some = r.differences()?;
-        let off = [r.ints()?, r.ints()?, r.ints()?];
-        if off.iter().any(|o| o.len() != some.len()) {
-            return Err(BodyError::Corrupt("moves of other points"));
-        }
-        let mut moves = Vec::with_capacity(some.len());
-        for (n, &k) in some.iter().enumerate() {
+        let mut moves = Vec::with_capacity(places.len());
+        for (n, &k) in places.iter().enumerate() {
             let k = usize::try_from(k).ok().filter(|&k| k < self.order.len());
             let k = k.ok_or(BodyError::Corrupt("a move beyond the points"))?;
             let (i, guess) = (self.order[k], self.guess(k, known));
@@ -324,7 +336,8 @@ mod tests {
         let packed = crate::packed::pack(b"12345678", 1, w);
         let raw = crate::packed::unpack(b"12345678", 1, &packed, 1 << 20).expect("whole");
         let mut known = vec![[0; 3]; 10];
-        let read = mesh.get_some(&mut Reader::new(&raw), 1.0 / 64.0, &mut known);
+        let read = Mesh::read_some(&mut Reader::new(&raw)).expect("written");
+        let read = mesh.get_some(&read, 1.0 / 64.0, &mut known);
         assert_eq!(read.expect("moves"), moves);
         assert_eq!(known, vec![[0; 3]; 10]);
     }
