@@ -431,10 +431,10 @@ fn crossing(p: DVec3, d: DVec3, t: &[DVec3; 3]) -> Option<(f64, bool)> {
     (at > 0.0 && at <= 1.0).then_some((at, det < 0.0))
 }
 
-/// Numbers the edges of `faces` of `n` vertices in the order of their ends, and counts them.
-fn number_edges(n: usize, faces: &[[u32; 3]]) -> (Vec<[u32; 3]>, usize) {
-    let ends = |f: &[u32; 3], k: usize| [f[k], f[(k + 1) % 3]];
-    let low = |f: &[u32; 3]| [0, 1, 2].map(|k| ends(f, k).into_iter().fold(u32::MAX, u32::min));
+/// Numbers the edges of `faces` of `n` vertices in the order of their ends, smaller one first, and counts them. Edge `k` of a
+/// face goes from its corner `k` to the next.
+pub fn number_edges(n: usize, faces: &[[u32; 3]]) -> (Vec<[u32; 3]>, usize) {
+    let low = |f: &[u32; 3]| [0, 1, 2].map(|k| f[k].min(f[(k + 1) % 3]));
     let low: Vec<[u32; 3]> = faces.iter().map(low).collect();
     let uses = Uses::new(n, &low);
     let (mut face_edges, mut n_edges) = (vec![[0; 3]; faces.len()], 0);
@@ -442,8 +442,8 @@ fn number_edges(n: usize, faces: &[[u32; 3]]) -> (Vec<[u32; 3]>, usize) {
     for v in 0..n as u32 {
         row.clear();
         row.extend(uses.of(v).iter().map(|&corner| {
-            let [a, b] = ends(&faces[corner as usize / 3], corner as usize % 3);
-            (a.max(b), corner)
+            let (f, k) = (faces[corner as usize / 3], corner as usize % 3);
+            (f[k].max(f[(k + 1) % 3]), corner)
         }));
         row.sort_unstable();
         for (k, &(end, corner)) in row.iter().enumerate() {

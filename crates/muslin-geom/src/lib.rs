@@ -22,7 +22,7 @@ mod wide;
 
 pub use bake::{Bake, Baked};
 pub use bvh::{Aabb, Bvh};
-pub use closest::{Closest, Surface};
+pub use closest::{Closest, Surface, number_edges};
 pub use cut::{Cut, OnEdge, cut};
 pub use drape::{Drape, Part};
 pub use fill::{FillError, Filled, fill};

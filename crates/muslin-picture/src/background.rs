@@ -29,13 +29,12 @@ fn pool(at: Vec2) -> f32 {
 
 /// All pixels of a backdrop of `width` and `height` on which no shadow falls.
 pub(crate) fn bare(background: &Background, width: usize, height: usize) -> Vec<[u8; 4]> {
-    let plain = |c: [f32; 3]| {
-        let [r, g, b] = tone::bytes(Vec3::from(c), 0.0);
-        vec![[r, g, b, 255]; width * height]
-    };
     match *background {
         Background::Transparent => vec![[0; 4]; width * height],
-        Background::Plain(colour) => plain(colour),
+        Background::Plain(colour) => {
+            let [r, g, b] = tone::bytes(Vec3::from(colour), 0.0);
+            vec![[r, g, b, 255]; width * height]
+        }
         Background::Gradient { centre, edge } => {
             let ends = [centre, edge].map(Vec3::from);
             let size = Vec2::new(width as f32, height as f32);

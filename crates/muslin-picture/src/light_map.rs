@@ -146,12 +146,8 @@ impl LightMap {
             let (fx, fy) = (between[0][k], between[1][k]);
             let above = open(0) * (1.0 - fx) + open(1) * fx;
             let below = open(2) * (1.0 - fx) + open(3) * fx;
-            out[k] = above * (1.0 - fy) + below * fy;
-        }
-        for k in 0..N {
-            if !inside[k] {
-                out[k] = 1.0;
-            }
+            let lit = above * (1.0 - fy) + below * fy;
+            out[k] = if inside[k] { lit } else { 1.0 };
         }
         out
     }

@@ -2,12 +2,13 @@
 
 use glam::DVec3;
 use muslin_energy::{RestTriangle, membrane::Stretch, strain::StrainLimit};
+use muslin_geom::number_edges;
 
 use crate::{
     bending::Bending,
     cloth::{Cloth, SimError},
     fan::Fans,
-    pattern::{Pattern, Rows},
+    pattern::Pattern,
     region::Regions,
 };
 
@@ -174,31 +175,20 @@ fn radius(cloth: &Cloth) -> f64 {
 }
 
 fn own(n_verts: usize, faces: &[[u32; 3]]) -> (Vec<[u32; 2]>, Vec<Owned>) {
-    let ends = |at: u32| {
-        let (face, k) = (faces[at as usize / 3], at as usize % 3);
-        [face[k], face[(k + 1) % 3]]
-    };
-    let corners = 0..3 * faces.len() as u32;
-    let low = |at: u32| (ends(at).into_iter().fold(u32::MAX, u32::min), at);
-    let of_low = Rows::counted(n_verts, &corners.map(low).collect::<Vec<_>>());
     let none = Owned {
         verts: [u32::MAX; 3],
         edges: [u32::MAX; 3],
     };
+    let (numbers, n_edges) = number_edges(n_verts, faces);
     let mut owned = vec![none; faces.len()];
-    let mut edges: Vec<[u32; 2]> = Vec::with_capacity(faces.len() * 3 / 2 + 1);
-    let mut row = Vec::new();
-    for v in 0..n_verts {
-        row.clear();
-        row.extend(of_low.row(v).iter().map(|&at| {
-            let [a, b] = ends(at);
-            ([a.min(b), a.max(b)], at)
-        }));
-        row.sort_unstable();
-        for &(edge, at) in &row {
-            if edges.last() != Some(&edge) {
-                owned[at as usize / 3].edges[at as usize % 3] = edges.len() as u32;
-                edges.push(edge);
+    let mut edges = vec![[u32::MAX; 2]; n_edges];
+    for (f, face) in faces.iter().enumerate() {
+        for k in 0..3 {
+            let edge = &mut edges[numbers[f][k] as usize];
+            if *edge == [u32::MAX; 2] {
+                let (a, b) = (face[k], face[(k + 1) % 3]);
+                *edge = [a.min(b), a.max(b)];
+                owned[f].edges[k] = numbers[f][k];
             }
         }
     }

@@ -417,11 +417,7 @@ fn speed(
 ) -> Result<String, Failure> {
     let avatar = who.0;
     let set = &set((who, model), (clip, 30.0, worn), Some(1.0))?;
-    let mut model = set.told(0, model.clone())?;
-    if swings::are_ours(&model) {
-        model = swings::swinging(model, (avatar, &set.figure), &set.cloth)?;
-    }
-    let model = &model;
+    let model = &swing::swung(set, model)?;
     let mut player = Player::new(model, avatar).map_err(|e| model_failure(&e))?;
     let pose = &set.moving.motion.poses[set.moving.lead];
     let bones = avatar.bones(&set.figure, pose);

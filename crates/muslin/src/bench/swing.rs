@@ -74,7 +74,7 @@ pub(super) fn rows(
 }
 
 /// A model that knows its wearer, with swings for that.
-fn swung(set: &Set, model: &Model) -> Result<Model, Failure> {
+pub(super) fn swung(set: &Set, model: &Model) -> Result<Model, Failure> {
     let told = set.told(0, model.clone())?;
     match swings::are_ours(&told) {
         true => swings::swinging(told, (set.avatar, &set.figure), &set.cloth),
