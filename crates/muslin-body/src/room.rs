@@ -12,7 +12,7 @@ use muslin_geom::Surface;
 use rayon::prelude::*;
 
 use crate::pose::parent_turn;
-use crate::{Avatar, BodyError, Figure, Part, Pose};
+use crate::{Avatar, BodyError, Figure, Part, Pose, Posed};
 
 /// Rounds of looking and turning.
 const ROUNDS: usize = 10;
@@ -128,7 +128,8 @@ impl Limbs {
     /// frees what is next to the hip leads the foot far away. Limbs that would have to turn by more
     /// than 0.6 rad stay where they got to.
     pub fn make_room(&self, pose: &mut Pose, avatar: &Avatar, figure: &Figure) -> f64 {
-        let mut turn = |limb: &Limb| limb.make_room(pose, avatar, figure);
+        let mut posed = avatar.pose(figure, pose);
+        let mut turn = |limb: &Limb| limb.make_room((pose, &mut posed), avatar, figure);
         let (legs, arms) = self.0.split_at(2);
         let mut most = legs.iter().map(&mut turn).fold(0.0, f64::max);
         for _ in 0..ARMS {
@@ -184,11 +185,15 @@ impl Others {
 }
 
 impl Limb {
-    /// Turns the limb in a pose; says by how much [rad].
-    fn make_room(&self, pose: &mut Pose, avatar: &Avatar, figure: &Figure) -> f64 {
+    /// Turns the limb in a pose, in which the body is `posed`; says by how much [rad].
+    fn make_room(
+        &self,
+        (pose, posed): (&mut Pose, &mut Posed),
+        avatar: &Avatar,
+        figure: &Figure,
+    ) -> f64 {
         let mut turned = 0.0;
         for _ in 0..ROUNDS {
-            let posed = avatar.pose(figure, pose);
             let skin = &posed.verts[avatar.part(Part::Body)];
             let joint = posed.bones[self.pivot].transform_point3(figure.joints[self.pivot]);
             let frame = parent_turn(avatar.rig(), &posed.bones, self.pivot);
@@ -201,6 +206,7 @@ impl Limb {
             }
             turned += angle;
             pose.turn_in_world((self.pivot, frame), turn);
+            *posed = avatar.pose(figure, pose);
         }
         turned
     }

@@ -3,6 +3,8 @@
 //! The tree keeps its shape when the boxes move ([`Bvh::refit`]); every answer comes in an order
 //! that depends on the boxes alone, never on the number of threads.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -92,7 +94,7 @@ struct Node {
 #[derive(Clone, Debug, Default)]
 pub struct Bvh {
     nodes: Vec<Node>,
-    order: Vec<u32>,
+    order: Arc<[u32]>,
     boxes: Vec<Aabb>,
 }
 
@@ -201,7 +203,7 @@ impl Bvh {
         let centres: Vec<DVec3> = boxes.iter().map(Aabb::centre).collect();
         let mut all: Vec<Placed> = (0..boxes.len() as u32).map(|i| (0, i)).collect();
         let mut bvh = Bvh {
-            order: Vec::new(),
+            order: Arc::default(),
             nodes: vec![leaf; nodes],
             boxes: Vec::new(),
         };
@@ -211,6 +213,17 @@ impl Bvh {
         bvh.order = all.into_iter().map(|p| p.1).collect();
         bvh.refit(boxes);
         bvh
+    }
+
+    /// The tree over other boxes of the same primitives: it keeps its shape.
+    pub fn moved(&self, boxes: &[Aabb]) -> Bvh {
+        let mut moved = Bvh {
+            nodes: self.nodes.clone(),
+            order: self.order.clone(),
+            boxes: Vec::new(),
+        };
+        moved.refit(boxes);
+        moved
     }
 
     /// Moves the tree to new boxes of the same primitives.
@@ -479,7 +492,7 @@ mod tests {
         assert_eq!(one.order, three.order);
         let mut all = Vec::new();
         three.each(|_| true, &mut |i| all.push(i));
-        assert_eq!(all, one.order);
+        assert_eq!(all[..], one.order[..]);
         all.sort_unstable();
         assert_eq!(all, (0..10_007).collect::<Vec<u32>>());
         let query = Aabb::of(&[DVec3::splat(0.4), DVec3::splat(0.5)]);

@@ -1,5 +1,7 @@
 //! Closest points, and the signed distance to a surface.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -153,11 +155,13 @@ pub struct Crossing {
 /// The side is told by angle-weighted pseudo-normals, which is exact for a closed surface
 /// without self-intersections (Bærentzen and Aanæs 2005); an open surface answers by its nearest
 /// piece. [`Surface::sided`] tells it beside folds as well.
+///
+/// Copies share what is the same wherever its vertices are.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    faces: Vec<[u32; 3]>,
+    faces: Arc<[[u32; 3]]>,
     /// For every face, the edge from each corner to the next.
-    face_edges: Vec<[u32; 3]>,
+    face_edges: Arc<[[u32; 3]]>,
     of_edge: Uses,
     of_vertex: Uses,
     /// Whether every edge has two faces.
@@ -172,11 +176,11 @@ impl Surface {
         let (face_edges, n_edges) = number_edges(verts.len(), faces);
         let of_edge = Uses::new(n_edges, &face_edges);
         Surface {
-            faces: faces.to_vec(),
+            faces: faces.into(),
             is_closed: (0..n_edges as u32).all(|e| of_edge.of(e).len() == 2),
             of_edge,
             of_vertex: Uses::new(verts.len(), faces),
-            face_edges,
+            face_edges: face_edges.into(),
             verts: verts.to_vec(),
             bvh: Bvh::over(&face_boxes(verts, faces)),
         }
@@ -184,9 +188,15 @@ impl Surface {
 
     /// The surface at other positions [m] of the same vertices: its tree keeps its shape.
     pub fn moved(&self, verts: &[DVec3]) -> Surface {
-        let mut moved = self.clone();
-        moved.refit(verts);
-        moved
+        Surface {
+            verts: verts.to_vec(),
+            bvh: self.bvh.moved(&face_boxes(verts, &self.faces)),
+            faces: self.faces.clone(),
+            face_edges: self.face_edges.clone(),
+            of_edge: self.of_edge.clone(),
+            of_vertex: self.of_vertex.clone(),
+            is_closed: self.is_closed,
+        }
     }
 
     /// Moves the surface to new positions [m] of the same vertices.
@@ -392,8 +402,8 @@ fn angle(x: &[DVec3; 3], corner: usize) -> f64 {
 /// Corners `3 face + corner` of every vertex or edge, in ascending order.
 #[derive(Clone, Debug)]
 struct Uses {
-    start: Vec<u32>,
-    corners: Vec<u32>,
+    start: Arc<[u32]>,
+    corners: Arc<[u32]>,
 }
 
 impl Uses {
@@ -409,7 +419,10 @@ impl Uses {
             corners[next[i as usize] as usize] = corner as u32;
             next[i as usize] += 1;
         }
-        Uses { start, corners }
+        Uses {
+            start: start.into(),
+            corners: corners.into(),
+        }
     }
 
     fn of(&self, i: u32) -> &[u32] {

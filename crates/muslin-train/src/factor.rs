@@ -114,10 +114,18 @@ fn dissect(mut part: Vec<u32>, x: &[DVec3], near: &[Vec<u32>], order: &mut Vec<u
 impl Factor {
     /// Factors `a`; none if it is not positive definite.
     pub fn new(pattern: &Pattern, a: &Matrix) -> Option<Self> {
+        widely(
+            #[inline(always)]
+            || Self::factored(pattern, a),
+        )
+    }
+
+    #[inline(always)]
+    fn factored(pattern: &Pattern, a: &Matrix) -> Option<Self> {
         let n = pattern.order.len();
-        let mut blocks = vec![DMat3::ZERO; pattern.rows.len()];
+        let mut blocks = vec![Block::default(); pattern.rows.len()];
         let mut inverses = vec![DMat3::ZERO; n];
-        let mut work = vec![DMat3::ZERO; n];
+        let mut work = vec![Block::default(); n];
         // Columns whose next row is this one, as chains; and where each column has come to.
         let (mut head, mut next) = (vec![u32::MAX; n], vec![u32::MAX; n]);
         let mut at: Vec<usize> = (0..n).map(|j| pattern.span(j).start).collect();
@@ -127,16 +135,16 @@ impl Factor {
                 let i = pattern.place[a.cols[k] as usize] as usize;
                 if i >= j {
                     // Row v's block is A_vj; the column's is its transpose.
-                    work[i] = a.blocks[k].transpose();
+                    work[i] = Block::of(&a.blocks[k].transpose());
                 }
             }
             let mut k = head[j];
             while k != u32::MAX {
                 let (column, later) = (k as usize, next[k as usize]);
                 let (from, end) = (at[column], pattern.span(column).end);
-                let across = blocks[from].transpose();
+                let across = blocks[from].matrix().transpose();
                 for q in from..end {
-                    work[pattern.rows[q] as usize] -= blocks[q] * across;
+                    work[pattern.rows[q] as usize].subtract(&blocks[q].times(&across));
                 }
                 at[column] = from + 1;
                 if from + 1 < end {
@@ -144,12 +152,12 @@ impl Factor {
                 }
                 k = later;
             }
-            let lower = cholesky(std::mem::replace(&mut work[j], DMat3::ZERO))?;
+            let lower = cholesky(std::mem::take(&mut work[j]).matrix())?;
             inverses[j] = lower.inverse();
             let right = inverses[j].transpose();
             for q in pattern.span(j) {
                 let below = &mut work[pattern.rows[q] as usize];
-                blocks[q] = std::mem::replace(below, DMat3::ZERO) * right;
+                blocks[q] = std::mem::take(below).times(&right);
             }
             if let Some(first) = pattern.rows[pattern.span(j)].first() {
                 chain(&mut head, &mut next, (*first, j as u32));
@@ -158,7 +166,7 @@ impl Factor {
         let single = |m: &DMat3| m.transpose().to_cols_array().map(|x| x as f32);
         Some(Self {
             pattern: pattern.clone(),
-            blocks: blocks.iter().map(single).collect(),
+            blocks: blocks.iter().map(|b| single(&b.matrix())).collect(),
             diagonal: inverses.iter().map(single).collect(),
         })
     }
@@ -301,6 +309,46 @@ impl Factor {
     }
 }
 
+/// A 3 × 3 block by columns, each of which fills a wide register.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(align(32))]
+struct Block([[f64; 4]; 3]);
+
+impl Block {
+    #[inline(always)]
+    fn of(m: &DMat3) -> Self {
+        Self(m.to_cols_array_2d().map(|[x, y, z]| [x, y, z, 0.0]))
+    }
+
+    #[inline(always)]
+    fn matrix(&self) -> DMat3 {
+        let column = |[x, y, z, _]: [f64; 4]| [x, y, z];
+        DMat3::from_cols_array_2d(&self.0.map(column))
+    }
+
+    /// Its product with `m`, which stands on its right.
+    #[inline(always)]
+    fn times(&self, m: &DMat3) -> Self {
+        let [a, b, c] = &self.0;
+        let column = |m: [f64; 3]| {
+            std::array::from_fn(
+                #[inline(always)]
+                |i| a[i] * m[0] + b[i] * m[1] + c[i] * m[2],
+            )
+        };
+        let [x, y, z] = m.to_cols_array_2d();
+        Self([column(x), column(y), column(z)])
+    }
+
+    #[inline(always)]
+    fn subtract(&mut self, other: &Self) {
+        for (own, other) in self.0.iter_mut().zip(&other.0) {
+            own.iter_mut().zip(other).for_each(|(x, y)| *x -= y);
+        }
+    }
+}
+
+#[inline(always)]
 fn chain(head: &mut [u32], next: &mut [u32], (row, column): (u32, u32)) {
     next[column as usize] = head[row as usize];
     head[row as usize] = column;

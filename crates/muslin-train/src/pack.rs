@@ -81,6 +81,6 @@ impl Pack {
 
     /// Whether cloth may still be anywhere.
     pub fn is_new(&self) -> bool {
-        matches!(self.visits, 0..=2 | 4 | 8)
+        matches!(self.visits, 0 | 2 | 6)
     }
 }
