@@ -1,5 +1,7 @@
 //! Playing a model: pose in, vertices out.
 
+use std::sync::Arc;
+
 use glam::{DAffine3, Vec3A};
 use muslin_body::{Avatar, Pose};
 
@@ -17,13 +19,14 @@ pub(crate) const STEP: f64 = 1.0 / 30.0;
 
 /// Plays a [`Model`]; all memory it needs is taken when it is made.
 ///
-/// A model that knows motion is told poses in the order of time; [`Player::begin`] starts anew.
+/// A model that knows motion is told poses in the order of time; [`Player::begin`] starts anew. Copies share the shapes,
+/// which are most of it.
 #[derive(Clone, Debug)]
 pub struct Player {
     reading: Reading,
     mind: Mind,
     swing: Option<Swing>,
-    blocks: Blocks,
+    blocks: Arc<Blocks>,
     /// What the network is told.
     input: Vec<f32>,
     /// Codes and bones of a group.
@@ -60,7 +63,7 @@ impl Player {
             twos: vec![[0; 2]; blocks.n_twos()],
             lie: vec![[Vec3A::ZERO; 2]; blocks.n_verts],
             reading,
-            blocks,
+            blocks: Arc::new(blocks),
         })
     }
 

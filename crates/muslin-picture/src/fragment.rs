@@ -149,6 +149,7 @@ impl<'a> Resolver<'a> {
     }
 
     /// The surface of a face at a pixel position.
+    #[inline(always)]
     fn fragment(&self, face: u32, pixel: Vec2, weight: f32) -> Fragment {
         let flat = self.flat;
         let v = flat.faces[face as usize].map(|v| v as usize);

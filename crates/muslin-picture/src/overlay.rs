@@ -75,7 +75,8 @@ impl Figure {
             ..Options::default()
         };
         let stage = Stage::new(&scene, &options);
-        let exposure = stage.expose(camera);
+        let bare = stage.bare(camera.width, camera.height);
+        let exposure = stage.expose(camera, &bare);
         let picture = exposure.develop();
         let premultiplied = |p: &[u8; 4]| {
             let alpha = f32::from(p[3]) / 255.0;

@@ -118,16 +118,24 @@ impl<'a> Stage<'a> {
     /// `count` pictures of the scene turning round once, all framed alike.
     pub fn turn(&self, view: &View, count: usize) -> Vec<Image> {
         let cameras = Camera::orbit(&self.flat.verts, view, count);
-        cameras.par_iter().map(|c| self.shoot(c)).collect()
+        let bare = self.bare(view.width, view.height);
+        let shoot = |camera| self.expose(camera, &bare).develop();
+        cameras.par_iter().map(shoot).collect()
     }
 
     /// Takes a picture.
     pub fn shoot(&self, camera: &Camera) -> Image {
-        self.expose(camera).develop()
+        let bare = self.bare(camera.width, camera.height);
+        self.expose(camera, &bare).develop()
     }
 
-    /// Finds out what every pixel sees and sets the lights.
-    pub(crate) fn expose<'s>(&'s self, camera: &'s Camera) -> Exposure<'s> {
+    /// All pixels of the backdrop on which no shadow falls.
+    pub(crate) fn bare(&self, width: usize, height: usize) -> Vec<[u8; 4]> {
+        bare(&self.scene.background, width, height)
+    }
+
+    /// Finds out what every pixel sees and sets the lights. `bare`: the backdrop's pixels, were there nothing else.
+    pub(crate) fn expose<'s>(&'s self, camera: &'s Camera, bare: &'s [[u8; 4]]) -> Exposure<'s> {
         let studio = Studio::new(camera);
         let dome = self.dome.light(|d| studio.radiance(d));
         let key_map = LightMap::new(&self.flat, studio.key_dir, self.options.shadow_map.max(64));
@@ -138,7 +146,6 @@ impl<'a> Stage<'a> {
             3 => self.tiles::<9>(camera, &dome),
             _ => self.tiles::<16>(camera, &dome),
         };
-        let bare = bare(&self.scene.background, camera.width, camera.height);
         let depths = Depths::new(&tiles, camera.width, camera.height);
         let rotation = camera.world_from_camera.matrix3.as_mat3();
         let crevices = self.options.crevices.then(|| {
@@ -220,7 +227,7 @@ pub(crate) struct Exposure<'s> {
     key_map: LightMap,
     floor: Option<Floor>,
     /// The backdrop's pixels, were there nothing else.
-    bare: Vec<[u8; 4]>,
+    bare: &'s [[u8; 4]],
     /// Fragments, tile by tile.
     pub tiles: Vec<Fragments>,
     /// Depth of every pixel.

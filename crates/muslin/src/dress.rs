@@ -14,7 +14,7 @@ use muslin_io::{
 use crate::drape::{Dressed, drape_outfit, lay_outfit};
 use crate::failure::{Exit, Failure};
 use crate::figure::{Sitter, body_failure};
-use crate::options::{DressOptions, Person};
+use crate::options::{Backdrop, DressOptions, Person};
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
 use crate::size::Wearer;
@@ -87,7 +87,8 @@ pub fn dress_pose(
     let measures = avatar.measure(&sitter.figure);
     job.report.set("body", tell::person(&shape, &measures));
     job.done(2, "body", tell::measures(&measures))?;
-    job.clothe(&Model { sitter, over: None }, out)
+    let model = Model { sitter, over: None };
+    job.clothe(&model, &Cut::new(&avatar, options), out)
 }
 
 /// The average body with what the options say of it.
@@ -145,6 +146,7 @@ fn dress_photo(
     let several = chosen.len() > 1;
     let of = found.people.len();
     let mut outcomes = Vec::new();
+    let mut made = None;
     for n in chosen {
         let folder = if several {
             out.join(format!("person-{n}"))
@@ -154,8 +156,17 @@ fn dress_photo(
         let mut one = Job::new(&avatar, options, job.watch);
         one.report = job.report.clone();
         one.report.set("person", n).set("people", of);
-        let model = one.model(&found.people[n - 1], photo)?;
-        outcomes.push(one.clothe(&model, &folder)?);
+        let seen = &found.people[n - 1];
+        one.report.set("pose", tell::pose(seen));
+        one.done(1, "pose", tell::points(seen))?;
+        // Cutting needs nothing of a body's fit, and no more than once.
+        let (fitted, cut) = rayon::join(
+            || fitted(&avatar, options, seen),
+            || made.take().unwrap_or_else(|| Cut::new(&avatar, options)),
+        );
+        let model = one.fitted(fitted.map_err(|f| f.at(photo.file.clone()))?, photo)?;
+        outcomes.push(one.clothe(&model, &cut, &folder)?);
+        made = Some(cut);
     }
     Ok(if several {
         Outcome::all(outcomes)
@@ -237,6 +248,40 @@ pub(crate) fn file_failure(e: &muslin_io::IoError) -> Failure {
 /// How many stages a job has.
 const STAGES: usize = 5;
 
+/// A body in its pose, as it fits a person.
+fn fitted(avatar: &Avatar, options: &DressOptions, seen: &Seen) -> Result<(Fit, Sitter), Failure> {
+    let how = FitOptions {
+        height_m: options.height,
+        weight_kg: options.weight,
+        shape: expected(options)?,
+        focal_px: None,
+    };
+    let fit = Fitter::new(avatar).and_then(|f| f.fit(&seen.keypoints, &how));
+    let fit = fit.map_err(|e| Failure::new(Exit::Invalid, "fit", e.to_string()))?;
+    let sitter = Sitter::new(avatar, &fit.shape, fit.pose.clone())?;
+    Ok((fit, sitter))
+}
+
+/// What is worn, as it was cut, and what there is to be said of it.
+struct Cut {
+    outfit: Result<Outfit, Failure>,
+    warnings: Vec<String>,
+}
+
+impl Cut {
+    fn new(avatar: &Avatar, options: &DressOptions) -> Self {
+        let mut warnings = Vec::new();
+        let outfit = Outfit::make(avatar, options, |w| warnings.push(w.to_owned()));
+        Self { outfit, warnings }
+    }
+
+    /// The outfit, and `watch` is warned.
+    fn told(&self, watch: &mut Watch) -> Result<Outfit, Failure> {
+        self.warnings.iter().for_each(|w| watch.warn(w));
+        self.outfit.clone()
+    }
+}
+
 impl<'a, 'w> Job<'a, 'w> {
     fn new(avatar: &'a Avatar, options: &'a DressOptions, watch: &'a mut Watch<'w>) -> Self {
         Self {
@@ -254,12 +299,12 @@ impl<'a, 'w> Job<'a, 'w> {
         Ok(())
     }
 
-    /// Fits a body to a person.
-    fn model<'p>(&mut self, seen: &Seen, photo: &'p Photo) -> Result<Model<'p>, Failure> {
-        self.report.set("pose", tell::pose(seen));
-        self.done(1, "pose", tell::points(seen))?;
-        let fit = self.fit(seen).map_err(|f| f.at(photo.file.clone()))?;
-        let sitter = Sitter::new(self.avatar, &fit.shape, fit.pose.clone())?;
+    /// Tells of a body that was fitted to a person.
+    fn fitted<'p>(
+        &mut self,
+        (fit, sitter): (Fit, Sitter),
+        photo: &'p Photo,
+    ) -> Result<Model<'p>, Failure> {
         let measures = self.avatar.measure(&sitter.figure);
         let mut body = tell::person(&fit.shape, &measures);
         tell::fit(&mut body, &fit);
@@ -269,22 +314,11 @@ impl<'a, 'w> Job<'a, 'w> {
         Ok(Model { sitter, over })
     }
 
-    fn fit(&self, seen: &Seen) -> Result<Fit, Failure> {
-        let options = FitOptions {
-            height_m: self.options.height,
-            weight_kg: self.options.weight,
-            shape: expected(self.options)?,
-            focal_px: None,
-        };
-        let fit = Fitter::new(self.avatar).and_then(|f| f.fit(&seen.keypoints, &options));
-        fit.map_err(|e| Failure::new(Exit::Invalid, "fit", e.to_string()))
-    }
-
-    /// Cuts, drapes, judges and writes.
-    fn clothe(mut self, model: &Model, out: &Path) -> Result<Outcome, Failure> {
+    /// Sizes, drapes, judges and writes.
+    fn clothe(mut self, model: &Model, cut: &Cut, out: &Path) -> Result<Outcome, Failure> {
         // An unwritable folder must be known before the work is done.
         let output = Output::open(out).map_err(|e| file_failure(&e))?;
-        let outfit = Outfit::make(self.avatar, self.options, |w| self.watch.warn(w))?;
+        let outfit = cut.told(self.watch)?;
         let wearer = Wearer {
             avatar: self.avatar,
             shape: &model.sitter.shape,
@@ -345,34 +379,47 @@ impl<'a, 'w> Job<'a, 'w> {
         model: &Model,
         (outfit, dressed): (&Outfit, &Dressed),
     ) -> Result<Vec<(&'static str, Vec<u8>)>, Failure> {
+        let (avatar, backdrop) = (self.avatar, self.options.backdrop);
         let sitter = model
             .sitter
-            .with_skin(self.avatar, &dressed.quality.settled.body);
-        let who = (self.avatar, &sitter);
-        let figure = files::scene(who, outfit, dressed);
-        files::check_stored(self.avatar, &figure)?;
-        let file = glb(&figure, &muslin_io::GlbOptions::default());
-        let scene = {
-            let cloth = &dressed.drape.frames[0];
-            let who = (self.avatar, sitter.posed.verts.as_slice());
-            look::scene(who, outfit, cloth, self.options.backdrop)
-        };
-        let stage = look::stage(&scene);
-        let (turning, front) = rayon::join(
-            || animated_png(&look::turning(&stage), look::FRAME_MS),
-            || png(&look::front(&stage)),
+            .with_skin(avatar, &dressed.quality.settled.body);
+        let who = (avatar, &sitter);
+        let (file, [front, turning]) = rayon::join(
+            || {
+                let figure = files::scene(who, outfit, dressed);
+                files::check_stored(avatar, &figure)?;
+                glb(&figure, &muslin_io::GlbOptions::default()).map_err(|e| file_failure(&e))
+            },
+            || pictures(who, (outfit, dressed), backdrop),
         );
         let mut files = vec![
-            ("look.glb", file.map_err(|e| file_failure(&e))?),
+            ("look.glb", file?),
             ("front.png", front),
             ("turntable.png", turning),
         ];
         if let Some((camera, photo)) = &model.over {
             files.push((
                 "overlay.png",
-                png(&look::over_photo(who.0, &model.sitter, camera, photo)),
+                png(&look::over_photo(avatar, &model.sitter, camera, photo)),
             ));
         }
         Ok(files)
     }
+}
+
+/// The front picture and the turntable.
+fn pictures(
+    (avatar, sitter): (&Avatar, &Sitter),
+    (outfit, dressed): (&Outfit, &Dressed),
+    backdrop: Backdrop,
+) -> [Vec<u8>; 2] {
+    let cloth = &dressed.drape.frames[0];
+    let who = (avatar, sitter.posed.verts.as_slice());
+    let scene = look::scene(who, outfit, cloth, backdrop);
+    let stage = look::stage(&scene);
+    let (turning, front) = rayon::join(
+        || animated_png(&look::turning(&stage), look::FRAME_MS),
+        || png(&look::front(&stage)),
+    );
+    [front, turning]
 }
