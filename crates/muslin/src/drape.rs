@@ -66,6 +66,8 @@ pub(crate) const LAID: Options = Options {
     rounds: 1,
     ..NEARLY_THERE
 };
+/// For cloth that such steps left too tight, or crossing itself: it is let go once where it is.
+const LET_GO: Options = Options { tugs: 1, ..LAID };
 /// Largest turn of a joint in one step on the way to the pose [rad].
 const TURN: f64 = 0.09;
 
@@ -101,6 +103,11 @@ impl Quality {
         self.stretch.iter().all(fits)
     }
 
+    /// Whether nothing is wrong with it.
+    fn is_good(&self) -> bool {
+        self.fault(false).is_none() && self.within_limits()
+    }
+
     /// The largest 99th percentile of the garments' stretch.
     pub fn stretch_p99(&self) -> f64 {
         self.stretch.iter().map(|s| s.0).fold(0.0, f64::max)
@@ -132,7 +139,7 @@ fn from_rest(
 }
 
 /// Drapes an outfit on somebody from where trained garments say that it lies in the pose, or on the way
-/// to it. What was not taught, or
+/// to it. What comes to lie too tight there, or crosses itself, is let go; what was not taught, or
 /// does not come out clean from there, is draped as [`drape_outfit`] does.
 pub(crate) fn lay_outfit(
     (avatar, sitter): (&Avatar, &Sitter),
@@ -159,8 +166,13 @@ pub(crate) fn lay_outfit(
     if let Some((share, start)) = laid {
         let path = sitter.path(avatar, (share, TURN));
         let body = (path.as_slice(), avatar.collision_faces());
-        let dressed = settle((outfit, &worn), &start, body, (LAID, watch))?;
-        if dressed.quality.fault(false).is_none() && dressed.quality.within_limits() {
+        let mut dressed = settle((outfit, &worn), &start, body, (LAID, watch))?;
+        if !dressed.quality.is_good() && dressed.quality.settled.body_intersections == 0 {
+            let here = (&path[path.len() - 1..], body.1);
+            let lies = &dressed.drape.frames[0];
+            dressed = settle((outfit, &worn), lies, here, (LET_GO, watch))?;
+        }
+        if dressed.quality.is_good() {
             return Ok(Dressed {
                 taught: true,
                 ..dressed

@@ -229,10 +229,11 @@ mod tests {
     use muslin_train::has_learnt_skinning;
 
     use super::*;
-    use crate::drape::put_on;
+    use crate::drape::{lay_outfit, put_on};
     use crate::figure::Sitter;
     use crate::options::{DressOptions, Wear};
     use crate::train::variety;
+    use crate::watch::Watch;
 
     fn outfit(avatar: &Avatar, worn: &str, edge: f64) -> Outfit {
         let options = DressOptions {
@@ -321,6 +322,20 @@ mod tests {
             assert!(far.count() < shirt.len() / 20);
             assert!(lie("tee,shorts").is_none());
         }
+    }
+
+    /// Leather trousers, caught in the bend of the hips on the way to a seat, stretch by 20 %.
+    #[test]
+    fn what_lies_too_tight_where_it_was_laid_is_let_go_there() {
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        let figure = avatar.standard().expect("the default body");
+        let pose = Pose::stance(&avatar, &figure, "sit").expect("built in");
+        let sitter = Sitter::new(&avatar, &Shape::default(), pose).expect("sound");
+        let outfit = outfit(&avatar, "trousers:nappa-leather", DressOptions::default().edge);
+        let watch = Watch::nobody();
+        let dressed = lay_outfit((&avatar, &sitter), &outfit, &watch).expect("it can be worn");
+        assert!(dressed.taught && dressed.quality.within_limits());
+        assert!(dressed.quality.fault(false).is_none());
     }
 
     #[test]
