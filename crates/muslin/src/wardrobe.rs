@@ -331,7 +331,11 @@ mod tests {
         let figure = avatar.standard().expect("the default body");
         let pose = Pose::stance(&avatar, &figure, "sit").expect("built in");
         let sitter = Sitter::new(&avatar, &Shape::default(), pose).expect("sound");
-        let outfit = outfit(&avatar, "trousers:nappa-leather", DressOptions::default().edge);
+        let outfit = outfit(
+            &avatar,
+            "trousers:nappa-leather",
+            DressOptions::default().edge,
+        );
         let watch = Watch::nobody();
         let dressed = lay_outfit((&avatar, &sitter), &outfit, &watch).expect("it can be worn");
         assert!(dressed.taught && dressed.quality.within_limits());
