@@ -3,9 +3,11 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use muslin_sim::{Frame, Refined, Settled, drape, drape_while};
+use muslin_sim::{
+    BEYOND_LIMIT, Cloth, Frame, Options, Refined, Settled, drape, drape_while, stretch,
+};
 
-use crate::drape::to_rest;
+use crate::drape::{LET_GO, to_rest};
 use crate::failure::{Exit, Failure};
 use crate::simulate::reel::Told;
 use crate::simulate::set::Set;
@@ -109,7 +111,7 @@ fn inwards(
     Ok(())
 }
 
-/// Solves frame `k` from the nearest clean one, else from the rest pose.
+/// Solves frame `k` from the nearest clean one, else from the rest pose; what is too tight there is let go.
 pub(crate) fn reach(
     set: &Set,
     k: usize,
@@ -132,9 +134,35 @@ pub(crate) fn reach(
     watch.go_on()?;
     // What a drape gives up, as too tight, stays as it is.
     if let Some(better) = settled.ok().filter(|s| faults(s) < solved[k].faults) {
+        let better = let_go(set, (better, &path[path.len() - 1..]), &may_go_on);
         solved[k] = Solved::new(better, since, true);
     }
     Ok(())
+}
+
+/// Cloth that `lies` on the body `here`, let go if it is too tight, where that is no worse otherwise.
+fn let_go(
+    set: &Set,
+    (lies, here): (Settled, &[Frame]),
+    go_on: &(dyn Fn() -> bool + Sync),
+) -> Settled {
+    let tight = beyond(&set.cloth, &lies.verts);
+    if tight <= BEYOND_LIMIT {
+        return lies;
+    }
+    let body = (here, set.avatar.collision_faces());
+    let freed = drape_while(&set.cloth, &lies.verts, body, (&LET_GO, go_on)).ok();
+    let is_freed = |s: &Settled| faults(s) <= faults(&lies) && beyond(&set.cloth, &s.verts) < tight;
+    freed.filter(is_freed).unwrap_or(lies)
+}
+
+/// How far the worst face of the cloth at `x` [m] stretches beyond its limit; nothing is beyond where there is none.
+fn beyond(cloth: &Cloth, x: &[DVec3]) -> f64 {
+    let all = stretch(&cloth.faces, &cloth.rest, x);
+    let limit = |m: &u32| cloth.materials[*m as usize].limit;
+    let faces = all.iter().zip(&cloth.material_of);
+    let over = faces.filter_map(|(x, m)| Some(x - limit(m)?));
+    over.fold(f64::NEG_INFINITY, f64::max)
 }
 
 pub(crate) fn faults(s: &Settled) -> usize {
@@ -154,7 +182,52 @@ pub(crate) fn refined(
 
 #[cfg(test)]
 mod tests {
+    use muslin_body::{Avatar, Shape};
+
     use super::*;
+    use crate::options::{DressOptions, Wear};
+    use crate::outfit::Outfit;
+    use crate::simulate::{SimulateOptions, motion};
+
+    /// A leather skirt on somebody who squats, and a jersey tee, brought there in steps as few as make them tight.
+    #[test]
+    fn what_is_reached_too_tight_is_let_go_there() {
+        let avatar = Avatar::embedded().expect("the embedded body");
+        for (worn, is_tight) in [("skirt:nappa-leather", true), ("tee", false)] {
+            let options = SimulateOptions {
+                motion: "squat".into(),
+                fps: 10.0,
+                seconds: Some(1.0),
+                dress: DressOptions {
+                    edge: 0.025,
+                    outfit: vec![Wear::parse(worn)],
+                    ..SimulateOptions::default().dress
+                },
+                ..SimulateOptions::default()
+            };
+            let figure = avatar.figure(&Shape::default()).expect("an adult");
+            let moving = motion::load((&avatar, None), &figure, &options).expect("built in");
+            let outfit = Outfit::make(&avatar, &options.dress, |_| {}).expect("cloth");
+            let set = Set::new(&avatar, figure, moving, outfit).expect("it fits");
+            let last = set.moving.lead + set.moving.frames() - 1;
+            let path: Vec<Frame> = (0..=last).map(|i| set.frame(i)).collect();
+            let body = (path.as_slice(), avatar.collision_faces());
+            let few = Options {
+                again: false,
+                ..to_rest(8)
+            };
+            let lies = drape(&set.cloth, &set.start, body, &few).expect("it lies");
+            let before = beyond(&set.cloth, &lies.verts);
+            assert_eq!(before > BEYOND_LIMIT, is_tight, "{worn}: {before}");
+            let freed = let_go(&set, (lies.clone(), &path[last..]), &|| true);
+            let after = beyond(&set.cloth, &freed.verts);
+            match is_tight {
+                true => assert!(after < 0.9 * before, "{worn}: {before} to {after}"),
+                false => assert!(freed == lies),
+            }
+            assert!(faults(&freed) <= faults(&lies));
+        }
+    }
 
     /// Frames tried, in order, where those of `stay` do not become good.
     fn tried(bad: &str, stay: &[usize]) -> Vec<usize> {

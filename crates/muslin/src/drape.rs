@@ -67,7 +67,7 @@ pub(crate) const LAID: Options = Options {
     ..NEARLY_THERE
 };
 /// For cloth that such steps left too tight, or crossing itself: it is let go once where it is.
-const LET_GO: Options = Options { tugs: 1, ..LAID };
+pub(crate) const LET_GO: Options = Options { tugs: 1, ..LAID };
 /// Largest turn of a joint in one step on the way to the pose [rad].
 const TURN: f64 = 0.09;
 
