@@ -3,9 +3,7 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use muslin_sim::{
-    BEYOND_LIMIT, Cloth, Frame, Options, Refined, Settled, drape, drape_while, stretch,
-};
+use muslin_sim::{BEYOND_LIMIT, Cloth, Frame, Refined, Settled, drape, drape_while, stretch};
 
 use crate::drape::{LET_GO, to_rest};
 use crate::failure::{Exit, Failure};
@@ -183,6 +181,7 @@ pub(crate) fn refined(
 #[cfg(test)]
 mod tests {
     use muslin_body::{Avatar, Shape};
+    use muslin_sim::Options;
 
     use super::*;
     use crate::options::{DressOptions, Wear};
