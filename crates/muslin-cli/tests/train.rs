@@ -404,7 +404,7 @@ fn a_file_has_the_numbers_that_are_asked_for_and_plays_alike_in_all_of_them() {
         );
     }
     // Where shapes are large, bytes are too coarse.
-    let coarse = ["--steps", "20", "--skinning", "given", "--weights", "i8"];
+    let coarse = ["--steps", "40", "--skinning", "given", "--weights", "i8"];
     let done = train(&model, &coarse);
     assert!(errors(&done).contains("12-bit steps"), "{}", errors(&done));
     let refused = published("pbns", &model, &["--weights", "i8"]);
