@@ -3,7 +3,9 @@
 use std::time::Instant;
 
 use glam::DVec3;
-use muslin_sim::{BEYOND_LIMIT, Cloth, Frame, Refined, Settled, drape, drape_while, stretch};
+use muslin_sim::{
+    BEYOND_LIMIT, Cloth, Frame, Options, Refined, Settled, drape, drape_while, stretch,
+};
 
 use crate::drape::{LET_GO, to_rest};
 use crate::failure::{Exit, Failure};
@@ -13,6 +15,11 @@ use crate::watch::Watch;
 
 /// Steps at the end of the way to a frame that is reached once more.
 const AGAIN: usize = 25;
+/// How a frame that is too tight there is let go: all the way to rest, for it is the last that is tried.
+const FREED: Options = Options {
+    still: 0.0,
+    ..LET_GO
+};
 
 /// A frame as the solver left it.
 pub(crate) struct Solved {
@@ -149,7 +156,7 @@ fn let_go(
         return lies;
     }
     let body = (here, set.avatar.collision_faces());
-    let freed = drape_while(&set.cloth, &lies.verts, body, (&LET_GO, go_on)).ok();
+    let freed = drape_while(&set.cloth, &lies.verts, body, (&FREED, go_on)).ok();
     let is_freed = |s: &Settled| faults(s) <= faults(&lies) && beyond(&set.cloth, &s.verts) < tight;
     freed.filter(is_freed).unwrap_or(lies)
 }
@@ -181,7 +188,6 @@ pub(crate) fn refined(
 #[cfg(test)]
 mod tests {
     use muslin_body::{Avatar, Shape};
-    use muslin_sim::Options;
 
     use super::*;
     use crate::options::{DressOptions, Wear};
