@@ -216,7 +216,7 @@ impl Bvh {
     }
 
     /// The tree over other boxes of the same primitives: it keeps its shape.
-    pub fn moved(&self, boxes: &[Aabb]) -> Bvh {
+    pub(crate) fn moved(&self, boxes: &[Aabb]) -> Bvh {
         let mut moved = Bvh {
             nodes: self.nodes.clone(),
             order: self.order.clone(),

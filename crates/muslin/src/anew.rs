@@ -187,12 +187,11 @@ pub(crate) fn refined(
 
 #[cfg(test)]
 mod tests {
-    use muslin_body::{Avatar, Shape};
+    use muslin_body::Avatar;
 
     use super::*;
     use crate::options::{DressOptions, Wear};
-    use crate::outfit::Outfit;
-    use crate::simulate::{SimulateOptions, motion};
+    use crate::simulate::SimulateOptions;
 
     /// A leather skirt on somebody who squats, and a jersey tee, brought there in steps as few as make them tight.
     #[test]
@@ -210,10 +209,7 @@ mod tests {
                 },
                 ..SimulateOptions::default()
             };
-            let figure = avatar.figure(&Shape::default()).expect("an adult");
-            let moving = motion::load((&avatar, None), &figure, &options).expect("built in");
-            let outfit = Outfit::make(&avatar, &options.dress, |_| {}).expect("cloth");
-            let set = Set::new(&avatar, figure, moving, outfit).expect("it fits");
+            let set = Set::asked(&avatar, &options);
             let last = set.moving.lead + set.moving.frames() - 1;
             let path: Vec<Frame> = (0..=last).map(|i| set.frame(i)).collect();
             let body = (path.as_slice(), avatar.collision_faces());

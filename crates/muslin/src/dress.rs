@@ -1,6 +1,7 @@
 //! The main job: from a photo to a dressed figure on disk.
 
 use std::path::Path;
+use std::sync::OnceLock;
 
 use muslin_body::{Avatar, Figure, Pose, Shape};
 use muslin_fit::Camera;
@@ -146,7 +147,7 @@ fn dress_photo(
     let several = chosen.len() > 1;
     let of = found.people.len();
     let mut outcomes = Vec::new();
-    let mut made = None;
+    let cut = OnceLock::new();
     for n in chosen {
         let folder = if several {
             out.join(format!("person-{n}"))
@@ -162,11 +163,10 @@ fn dress_photo(
         // Cutting needs nothing of a body's fit, and no more than once.
         let (fitted, cut) = rayon::join(
             || fitted(&avatar, options, seen),
-            || made.take().unwrap_or_else(|| Cut::new(&avatar, options)),
+            || cut.get_or_init(|| Cut::new(&avatar, options)),
         );
         let model = one.fitted(fitted.map_err(|f| f.at(photo.file.clone()))?, photo)?;
-        outcomes.push(one.clothe(&model, &cut, &folder)?);
-        made = Some(cut);
+        outcomes.push(one.clothe(&model, cut, &folder)?);
     }
     Ok(if several {
         Outcome::all(outcomes)

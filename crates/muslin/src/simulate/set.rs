@@ -107,6 +107,17 @@ pub struct Set<'a> {
     pub hero: Option<&'a Hero>,
 }
 
+#[cfg(test)]
+impl<'a> Set<'a> {
+    /// What these options ask for, on the default body.
+    pub fn asked(avatar: &'a Avatar, options: &super::SimulateOptions) -> Self {
+        let figure = avatar.figure(&Default::default()).expect("an adult");
+        let moving = super::motion::load((avatar, None), &figure, options).expect("built in");
+        let outfit = Outfit::make(avatar, &options.dress, |_| {}).expect("it can be cut");
+        Self::new(avatar, figure, moving, outfit).expect("it fits")
+    }
+}
+
 impl<'a> Set<'a> {
     /// Puts the outfit on.
     pub fn new(

@@ -3,12 +3,11 @@
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use muslin_body::{Avatar, Shape};
+use muslin_body::Avatar;
 
 use super::*;
 use crate::options::DressOptions;
-use crate::outfit::Outfit;
-use crate::simulate::{SimulateOptions, motion};
+use crate::simulate::SimulateOptions;
 
 /// A file in a folder of its own, removed in the end.
 struct Place(PathBuf);
@@ -37,10 +36,7 @@ fn set(avatar: &Avatar, frames: usize) -> Set<'_> {
         },
         ..SimulateOptions::default()
     };
-    let figure = avatar.figure(&Shape::default()).expect("an adult");
-    let moving = motion::load((avatar, None), &figure, &options).expect("built in");
-    let outfit = Outfit::make(avatar, &options.dress, |_| {}).expect("a tee");
-    Set::new(avatar, figure, moving, outfit).expect("it fits")
+    Set::asked(avatar, &options)
 }
 
 /// Simulates until `stop` frames are there.
