@@ -1,6 +1,6 @@
 //! From codes and bones to the vertices of one frame, sixteen at a time.
 
-use glam::Vec3A;
+use glam::{Mat3A, Vec3A};
 use pulp::Simd;
 
 use crate::blocks::{Blocks, WIDE, Wide};
@@ -29,22 +29,16 @@ impl Job for One<'_> {
     #[inline(always)]
     fn run<S: Simd, M: Sums>(self, on: S, sums: M) {
         let b = self.blocks;
-        let coder = Coder::of(self.codes, b.most);
-        let twos = coder.twos(self.codes);
-        self.twos.iter_mut().zip(twos).for_each(|(to, z)| *to = z);
+        let worth = coded(b, self.codes, self.twos);
         let mut normals = self.normals;
         for block in 0..b.base.len() {
-            let mut sum = [sums.none(); 3];
-            for (row, two) in b.rows(block).iter().zip(&*self.twos) {
-                let two = sums.alike(*two);
-                for axis in 0..3 {
-                    sum[axis] = sums.plus(sum[axis], sums.row(&row[axis]), two);
-                }
+            let sum = mixed(sums, (b, block), self.twos);
+            let worth = worth * b.by_block[block];
+            let mut x = [Wide::default(); 3];
+            for r in 0..WIDE / S::F32_LANES {
+                let (at, _) = skinned(on, (b, block, r), (&sum, worth), self.bones);
+                (0..3).for_each(|axis| set::<S>(&mut x[axis], r, at[axis]));
             }
-            let floats = |axis: usize| Wide(sums.floats(sum[axis]));
-            let sum = [floats(0), floats(1), floats(2)];
-            let worth = coder.worth * b.by_block[block];
-            let x = skinned(on, (b, block), (&sum, worth), self.bones);
             put(b, block, &x, self.out);
             if let Some((room, _)) = &mut normals {
                 let places = room[block * WIDE..].iter_mut().take(WIDE).enumerate();
@@ -75,37 +69,90 @@ fn turn(b: &Blocks, room: &mut [Placed], out: &mut [[f32; 3]]) {
     }
 }
 
-/// Corrected and carried by the bones.
+/// One frame of points: where each of them is carried [m], and how what is around it is turned.
+pub(crate) struct Turned<'a> {
+    pub blocks: &'a Blocks,
+    /// Codes, each times what a step of it is worth.
+    pub codes: &'a [f32],
+    pub bones: &'a [Affine],
+    /// Room for the codes in steps.
+    pub twos: &'a mut [Two],
+    pub out: &'a mut [(Vec3A, Mat3A)],
+}
+
+impl Job for Turned<'_> {
+    #[inline(always)]
+    fn run<S: Simd, M: Sums>(self, on: S, sums: M) {
+        let b = self.blocks;
+        let worth = coded(b, self.codes, self.twos);
+        for block in 0..b.base.len() {
+            let sum = mixed(sums, (b, block), self.twos);
+            let worth = worth * b.by_block[block];
+            // The columns of its turn, and where it is.
+            let mut all = [Wide::default(); 12];
+            for r in 0..WIDE / S::F32_LANES {
+                let (x, m) = skinned(on, (b, block, r), (&sum, worth), self.bones);
+                (0..9).for_each(|k| set::<S>(&mut all[k], r, m[k]));
+                (0..3).for_each(|k| set::<S>(&mut all[9 + k], r, x[k]));
+            }
+            let order = b.order[block * WIDE..].iter().take(WIDE);
+            for (i, v) in order.enumerate() {
+                let column = |k: usize| Vec3A::new(all[k].0[i], all[k + 1].0[i], all[k + 2].0[i]);
+                let turn = Mat3A::from_cols(column(0), column(3), column(6));
+                self.out[*v as usize] = (column(9), turn);
+            }
+        }
+    }
+}
+
+/// Codes in steps; what a step is worth.
+#[inline(always)]
+fn coded(b: &Blocks, codes: &[f32], twos: &mut [Two]) -> f32 {
+    let coder = Coder::of(codes, b.most);
+    let steps = twos.iter_mut().zip(coder.twos(codes));
+    steps.for_each(|(to, z)| *to = z);
+    coder.worth
+}
+
+/// What codes make of a block's shapes, in steps.
+#[inline(always)]
+fn mixed<M: Sums>(sums: M, (b, block): (&Blocks, usize), twos: &[Two]) -> [Wide; 3] {
+    let mut sum = [sums.none(); 3];
+    for (row, two) in b.rows(block).iter().zip(twos) {
+        let two = sums.alike(*two);
+        for axis in 0..3 {
+            sum[axis] = sums.plus(sum[axis], sums.row(&row[axis]), two);
+        }
+    }
+    let floats = |axis: usize| Wide(sums.floats(sum[axis]));
+    [floats(0), floats(1), floats(2)]
+}
+
+/// Register `r` of a block, corrected and carried by the bones, and the mean of their matrices.
 #[inline(always)]
 fn skinned<S: Simd>(
     on: S,
-    (b, block): (&Blocks, usize),
+    (b, block, r): (&Blocks, usize, usize),
     (sum, worth): (&[Wide; 3], f32),
     bones: &[Affine],
-) -> [Wide; 3] {
+) -> ([S::f32s; 3], [S::f32s; 12]) {
     let span = b.starts[block] as usize..b.starts[block + 1] as usize;
     let (weights, own) = (&b.weights[span.clone()], &b.bones[span]);
     let worth = on.splat_f32s(worth);
-    let mut out = [Wide::default(); 3];
-    for r in 0..WIDE / S::F32_LANES {
-        let rest = |axis: usize| {
-            let (sum, base) = (at::<S>(&sum[axis], r), at::<S>(&b.base[block][axis], r));
-            on.mul_add_e_f32s(sum, worth, base)
-        };
-        let p = [rest(0), rest(1), rest(2)];
-        let mut m = [on.splat_f32s(0.0); 12];
-        for (w, bone) in weights.iter().zip(own) {
-            let (w, bone) = (at::<S>(w, r), &bones[usize::from(*bone)]);
-            for (m, a) in m.iter_mut().zip(bone) {
-                *m = on.mul_add_e_f32s(w, on.splat_f32s(*a), *m);
-            }
-        }
-        for axis in 0..3 {
-            let x = carried(on, (&m, axis), &p);
-            S::as_mut_simd_f32s(&mut out[axis].0).0[r] = x;
+    let rest = |axis: usize| {
+        let (sum, base) = (at::<S>(&sum[axis], r), at::<S>(&b.base[block][axis], r));
+        on.mul_add_e_f32s(sum, worth, base)
+    };
+    let p = [rest(0), rest(1), rest(2)];
+    let mut m = [on.splat_f32s(0.0); 12];
+    for (w, bone) in weights.iter().zip(own) {
+        let (w, bone) = (at::<S>(w, r), &bones[usize::from(*bone)]);
+        for (m, a) in m.iter_mut().zip(bone) {
+            *m = on.mul_add_e_f32s(w, on.splat_f32s(*a), *m);
         }
     }
-    out
+    let x = |axis: usize| carried(on, (&m, axis), &p);
+    ([x(0), x(1), x(2)], m)
 }
 
 /// A coordinate of a point carried by a matrix.
@@ -124,6 +171,12 @@ pub(crate) fn carried<S: Simd>(
 #[inline(always)]
 pub(crate) fn at<S: Simd>(x: &Wide, r: usize) -> S::f32s {
     S::as_simd_f32s(&x.0).0[r]
+}
+
+/// Sets register `r` of a block.
+#[inline(always)]
+fn set<S: Simd>(x: &mut Wide, r: usize, to: S::f32s) {
+    S::as_mut_simd_f32s(&mut x.0).0[r] = to;
 }
 
 /// Each vertex to its place in the mesh.

@@ -157,7 +157,9 @@ impl Group<'_> {
                 S::as_mut_simd_f32s(&mut out[axis].0).0[r] = x;
             }
         }
-        room.x[place] = out;
+        if self.normals.is_some() {
+            room.x[place] = out;
+        }
         room.given[b.order[place] as usize] = out;
     }
 }

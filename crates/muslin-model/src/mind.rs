@@ -1,6 +1,7 @@
 //! An encoder as it is played, with what it remembers of a sequence.
 
 use muslin_net::learn::Gru;
+use pulp::Simd;
 
 use crate::layers::{Cell, Chain};
 use crate::{Encoder, Ncs};
@@ -63,20 +64,20 @@ impl Mind {
 
     /// The codes of the next pose.
     #[inline(always)]
-    pub fn codes(&mut self, x: &[f32]) -> &[f32] {
+    pub fn codes<S: Simd>(&mut self, on: S, x: &[f32]) -> &[f32] {
         match self {
-            Self::Still(chain) => chain.run(x),
+            Self::Still(chain) => chain.run(on, x),
             Self::Snug(cells) => {
                 let (first, rest) = cells.split_first_mut().expect("a recurrent layer");
-                first.step(x);
+                first.step(on, x);
                 let mut before = &*first;
                 for cell in rest {
-                    cell.step(&before.state);
+                    cell.step(on, &before.state);
                     before = cell;
                 }
                 &before.state
             }
-            Self::Ncs(m) => m.codes(x),
+            Self::Ncs(m) => m.codes(on, x),
         }
     }
 }
@@ -97,19 +98,19 @@ impl Moving {
     }
 
     #[inline(always)]
-    fn codes(&mut self, x: &[f32]) -> &[f32] {
+    fn codes<S: Simd>(&mut self, on: S, x: &[f32]) -> &[f32] {
         let joints = self.features.len();
         let each = self.joint.outputs();
         let (still, moving) = x.split_at(x.len() - Ncs::MOVING * (joints / each));
         let features = self.features.chunks_exact_mut(each);
         for (out, x) in features.zip(moving.chunks_exact(Ncs::MOVING)) {
-            out.copy_from_slice(self.joint.run(x));
+            out.copy_from_slice(self.joint.run(on, x));
         }
-        self.cell.step(self.whole.run(&self.features));
-        let sum = self.still.run(still).iter().zip(&self.cell.state);
+        self.cell.step(on, self.whole.run(on, &self.features));
+        let sum = self.still.run(on, still).iter().zip(&self.cell.state);
         for (z, (a, b)) in self.code.iter_mut().zip(sum) {
             *z = a + self.level * b;
         }
-        self.decoder.run(&self.code)
+        self.decoder.run(on, &self.code)
     }
 }

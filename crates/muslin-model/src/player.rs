@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use glam::{DAffine3, Vec3A};
 use muslin_body::{Avatar, Pose};
+use pulp::Simd;
 
 use crate::blocks::Blocks;
 use crate::decode::{Affine, One, Placed};
 use crate::group::{GROUP, Group, Room};
 use crate::mind::Mind;
 use crate::reading::Reading;
-use crate::steps::{self, Two};
+use crate::steps::{self, Job, Sums, Two};
 use crate::swing::{Past, Swing};
 use crate::{Model, ModelError};
 
@@ -240,25 +241,32 @@ impl Player {
         let n = self.reading.n_bones();
         let own = &mut self.affine[slot * n..(slot + 1) * n];
         self.reading.read(pose, &mut self.input, own);
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || self.encode(slot),
-        );
+        steps::widely(Encode(self, slot));
     }
 
     #[inline(always)]
-    fn encode(&mut self, slot: usize) {
+    fn encode<S: Simd>(&mut self, on: S, slot: usize) {
         let n = self.blocks.n_codes;
         let own = &mut self.codes[slot * n..(slot + 1) * n];
-        let codes = self.mind.codes(&self.input);
+        let codes = self.mind.codes(on, &self.input);
         let (posed, swung) = own.split_at_mut(codes.len());
         posed.copy_from_slice(codes);
         if let Some(swing) = &mut self.swing {
             let m = self.reading.n_bones();
-            swing.codes(codes, &self.affine[slot * m..(slot + 1) * m], swung);
+            swing.codes(on, (codes, &self.affine[slot * m..(slot + 1) * m]), swung);
         }
         for (code, worth) in own.iter_mut().zip(&self.blocks.by_code) {
             *code *= worth;
         }
+    }
+}
+
+/// Codes of the pose that a player has read into a slot of its batch.
+struct Encode<'a>(&'a mut Player, usize);
+
+impl Job for Encode<'_> {
+    #[inline(always)]
+    fn run<S: Simd, M: Sums>(self, on: S, _: M) {
+        self.0.encode(on, self.1);
     }
 }

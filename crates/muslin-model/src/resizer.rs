@@ -37,7 +37,7 @@ impl Resizer {
     /// What it adds to every coordinate [m].
     fn moves(&self, levels: &[f32]) -> Vec<f32> {
         let mut net = Chain::new(&self.net, &self.params, true);
-        let codes = net.run(levels);
+        let codes = net.run(pulp::Scalar::new(), levels);
         let rows = self.modes.chunks_exact(codes.len().max(1));
         rows.map(|row| row.iter().zip(codes).map(|(m, z)| m * z).sum())
             .collect()

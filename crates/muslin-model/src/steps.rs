@@ -142,9 +142,38 @@ mod x86 {
     use std::arch::x86_64::__m256;
 
     use pulp::x86::{V3, V4};
-    use pulp::{Simd, cast, i16x16, i16x32, i32x8, i32x16};
+    use pulp::{Simd, WithSimd, cast, i16x16, i16x32, i32x8, i32x16};
 
-    use super::{Square, Steps, Sums, Two, WIDE};
+    use super::{Job, Square, Steps, Sums, Two, WIDE, With};
+
+    pulp::simd_type! {
+        /// [`V4`] on processors that multiply pairs of steps and add them to a sum in one instruction (`vpdpwssd`): the
+        /// compiler takes it in place of [`Sums::plus`]'s two wherever it may.
+        pub(super) struct Summing {
+            pub avx512f: "avx512f",
+            pub avx512bw: "avx512bw",
+            pub avx512cd: "avx512cd",
+            pub avx512dq: "avx512dq",
+            pub avx512vl: "avx512vl",
+            pub avx512vnni: "avx512vnni",
+            pub fma: "fma",
+            pub bmi1: "bmi1",
+            pub bmi2: "bmi2",
+            pub lzcnt: "lzcnt",
+            pub popcnt: "popcnt",
+        }
+    }
+
+    impl Summing {
+        /// Does a job with them.
+        pub fn run(self, job: impl Job) {
+            let v4 = V4::try_new().expect("it has all of V4");
+            self.vectorize(
+                #[inline(always)]
+                || With(job, v4).with_simd(v4),
+            );
+        }
+    }
 
     /// A pair of steps as one number of twice the width.
     #[inline(always)]
@@ -282,12 +311,25 @@ impl<J: Job, M: Sums> WithSimd for With<J, M> {
 pub(crate) fn fastest(job: impl Job) {
     #[cfg(target_arch = "x86_64")]
     {
+        if let Some(all) = x86::Summing::try_new() {
+            return all.run(job);
+        }
         if let Some(v4) = pulp::x86::V4::try_new() {
             return Simd::vectorize(v4, With(job, v4));
         }
         if let Some(v3) = pulp::x86::V3::try_new() {
             return Simd::vectorize(v3, With(job, v3));
         }
+    }
+    pulp::Arch::new().dispatch(With(job, Plain));
+}
+
+/// Does a job that is written as plain loops over lanes: what is compiled for AVX-512 gathers lanes that lie side by
+/// side, and takes several times as long.
+pub(crate) fn widely(job: impl Job) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(v3) = pulp::x86::V3::try_new() {
+        return Simd::vectorize(v3, With(job, v3));
     }
     pulp::Arch::new().dispatch(With(job, Plain));
 }
@@ -310,6 +352,9 @@ mod tests {
             }
             if let Some(v4) = pulp::x86::V4::try_new() {
                 Simd::vectorize(v4, With(job, v4));
+            }
+            if let Some(all) = x86::Summing::try_new() {
+                all.run(job);
             }
         }
     }

@@ -1,11 +1,14 @@
 //! Swings in the making: what is remembered of the frames before, and where the next one goes.
 
 use glam::{Mat3A, Vec3A};
+use pulp::Simd;
 
-use crate::decode::Affine;
+use crate::blocks::Blocks;
+use crate::decode::{Affine, Turned};
 use crate::layers::Dense;
+use crate::steps::{self, Two};
 use crate::ties::{Held, Ties};
-use crate::walls::Walls;
+use crate::walls::{Walls, some_of};
 use crate::{Model, Sway};
 
 /// Steps of cloth's swings by BDF2, on the points that stand for it.
@@ -14,9 +17,12 @@ use crate::{Model, Sway};
 /// they would go unforced, the codes solve `(Φᵀ m Φ / τ² + D / τ + Ω²) q = Φᵀ Rᵀ m (x̂ − y) / τ² + D q̂ / τ`.
 #[derive(Clone, Debug)]
 pub(crate) struct Swing {
-    points: Vec<Point>,
-    /// From the pose's codes to where every point is before it is carried, axis by axis [m].
-    still: Dense,
+    /// How much of the cloth each point stands for [kg].
+    masses: Vec<f32>,
+    /// The points as a cloth of their own, and room for the pose's codes.
+    points: Blocks,
+    posed: Vec<f32>,
+    twos: Vec<Two>,
     /// The swings at every point: three rows with one entry per code; from codes to ways, and from pulls to codes.
     means: Vec<f32>,
     ways: Dense,
@@ -49,60 +55,19 @@ pub(crate) struct Past {
     codes: [Vec<f32>; 2],
 }
 
-/// Where bones carry a point, and how they turn what is around it.
-#[inline(always)]
-fn carried(followed: &[(u8, f32)], bones: &[Affine], at: Vec3A) -> (Vec3A, Mat3A) {
-    let (mut x, mut turn) = (Vec3A::ZERO, Mat3A::ZERO);
-    for &(b, w) in followed {
-        let a = &bones[usize::from(b)];
-        let m = Mat3A::from_cols_slice(&a[..9]);
-        x += (m * at + Vec3A::from_slice(&a[9..])) * w;
-        turn += m * w;
-    }
-    (x, turn)
-}
-
-/// The bones that a vertex follows, and how strongly.
-fn bones_of(model: &Model, v: usize) -> Vec<(u8, f32)> {
-    model.skin.row(v).map(|(b, w)| (b as u8, w)).collect()
-}
-
-/// From the pose's codes to where vertices are before they are carried, axis by axis [m].
-pub(crate) fn still(model: &Model, verts: impl Iterator<Item = usize> + Clone) -> Dense {
-    let codes = model.n_codes() - 1;
-    let rows = verts.flat_map(|v| (0..3).map(move |axis| (v, axis)));
-    let row = |(v, axis): (usize, usize)| &model.modes[(3 * v + axis) * (codes + 1)..][..=codes];
-    let mixed = rows.clone().flat_map(|r| &row(r)[..codes]);
-    let at = rows
-        .clone()
-        .map(|r| model.template[r.0][r.1] + row(r)[codes]);
-    let params: Vec<f32> = mixed.copied().chain(at).collect();
-    Dense::of(codes, rows.count(), &params)
-}
-
-/// A point that stands for the cloth around it.
-#[derive(Clone, Debug)]
-struct Point {
-    mass: f32,
-    /// Bones that it follows, and how strongly.
-    bones: Vec<(u8, f32)>,
-}
-
 impl Swing {
     /// Of a model's swings, if it has any.
     pub fn new(model: &Model) -> Option<Self> {
         let sway = model.sway.as_ref().filter(|s| !s.is_empty())?;
         let (k, n) = (sway.len(), sway.samples.len());
-        let point = |(v, mass): (&u32, &f32)| Point {
-            mass: *mass,
-            bones: bones_of(model, *v as usize),
-        };
+        let points = Blocks::new(&some_of(model, sway.samples.iter().map(|v| *v as usize)));
         let turned = (0..k).flat_map(|c| sway.means[c..].iter().step_by(k));
         let turned: Vec<f32> = turned.copied().chain(std::iter::repeat_n(0.0, k)).collect();
         let means = sway.means.iter().copied();
         let ways: Vec<f32> = means.chain(std::iter::repeat_n(0.0, 3 * n)).collect();
         Some(Self {
-            still: still(model, sway.samples.iter().map(|v| *v as usize)),
+            posed: vec![0.0; points.n_codes],
+            twos: vec![[0; 2]; points.n_twos()],
             ways: Dense::of(k, 3 * n, &ways),
             pulls: Dense::of(3 * n, k, &turned),
             means: sway.means.clone(),
@@ -121,7 +86,8 @@ impl Swing {
             each: vec![0.0; 3 * n],
             right: vec![0.0; k],
             level: 1.0,
-            points: sway.samples.iter().zip(&sway.masses).map(point).collect(),
+            masses: sway.masses.clone(),
+            points,
         })
     }
 
@@ -139,10 +105,10 @@ impl Swing {
         self.step = step as f32;
         let (k, tau) = (self.len(), 2.0 / 3.0 * step);
         let mut a = vec![0.0f64; k * k];
-        for (rows, p) in self.means.chunks_exact(3 * k).zip(&self.points) {
+        for (rows, mass) in self.means.chunks_exact(3 * k).zip(&self.masses) {
             for row in rows.chunks_exact(k) {
                 for (i, x) in row.iter().enumerate() {
-                    let share = f64::from(p.mass) * f64::from(*x) / (tau * tau);
+                    let share = f64::from(*mass) * f64::from(*x) / (tau * tau);
                     let out = a[i * k..(i + 1) * k].iter_mut();
                     out.zip(row).for_each(|(a, y)| *a += share * f64::from(*y));
                 }
@@ -159,7 +125,7 @@ impl Swing {
 
     /// The codes of the next frame, where the pose mixes shapes by `z` and bones stand so.
     #[inline(always)]
-    pub fn codes(&mut self, z: &[f32], bones: &[Affine], out: &mut [f32]) {
+    pub fn codes<S: Simd>(&mut self, on: S, (z, bones): (&[f32], &[Affine]), out: &mut [f32]) {
         self.rest(z, bones);
         let k = self.len();
         let tau = 2.0 / 3.0 * self.step;
@@ -183,7 +149,7 @@ impl Swing {
             }
             _ => {
                 self.walls.stand(z, bones);
-                self.step(tau);
+                self.step(on, tau);
             }
         }
         for (to, q) in out[..k].iter_mut().zip(&self.past.codes[0]) {
@@ -194,26 +160,30 @@ impl Swing {
     /// Where the points would rest, and how they are turned.
     #[inline(always)]
     fn rest(&mut self, z: &[f32], bones: &[Affine]) {
-        self.still.apply(z, &mut self.each);
-        let places = self.each.as_chunks::<3>().0;
-        for ((p, at), here) in self.points.iter().zip(places).zip(&mut self.here) {
-            *here = carried(&p.bones, bones, Vec3A::from_array(*at));
-        }
+        let worths = z.iter().zip(&self.points.by_code);
+        (self.posed.iter_mut().zip(worths)).for_each(|(to, (z, worth))| *to = z * worth);
+        steps::fastest(Turned {
+            blocks: &self.points,
+            codes: &self.posed,
+            bones,
+            twos: &mut self.twos,
+            out: &mut self.here,
+        });
     }
 
     /// A step in time.
     #[inline(always)]
-    fn step(&mut self, tau: f32) {
+    fn step<S: Simd>(&mut self, on: S, tau: f32) {
         let k = self.len();
         let pulls = self.each.as_chunks_mut::<3>().0;
         for (i, to) in pulls.iter_mut().enumerate() {
             let ([x1, v1], [x2, v2]) = (self.past.points[0][i], self.past.points[1][i]);
             let free = (x1 * 4.0 - x2) / 3.0 + (v1 * 4.0 - v2) * (tau / 3.0);
             let (y, turn) = &self.here[i];
-            let pull = turn.transpose() * (free - *y) * (self.points[i].mass / (tau * tau));
+            let pull = turn.transpose() * (free - *y) * (self.masses[i] / (tau * tau));
             *to = pull.to_array();
         }
-        self.pulls.apply(&self.each, &mut self.right);
+        self.pulls.apply(on, &self.each, &mut self.right);
         let [q1, q2] = &mut self.past.codes;
         for i in 0..k {
             self.right[i] += self.damping[i] / tau * (4.0 * q1[i] - q2[i]) / 3.0;
@@ -222,7 +192,7 @@ impl Swing {
         for (q, row) in q1.iter_mut().zip(self.inverse.chunks_exact(k)) {
             *q = row.iter().zip(&self.right).map(|(a, b)| a * b).sum();
         }
-        self.walls.hold(q1);
+        self.walls.hold(on, q1);
         let held = Held {
             here: &self.here,
             means: &self.means,
@@ -230,10 +200,14 @@ impl Swing {
             inverse: &self.inverse,
             each: &mut self.each,
         };
-        if self.ties.hold(held, q1) {
-            self.walls.hold(q1);
+        let led = self.ties.hold(on, held, q1);
+        if led {
+            self.walls.hold(on, q1);
         }
-        self.ways.apply(q1, &mut self.each);
+        // Ties that held at once have found these ways already.
+        if led || self.ties.pairs.is_empty() {
+            self.ways.apply(on, q1, &mut self.each);
+        }
         let [now, before] = &mut self.past.points;
         for (i, way) in self.each.as_chunks::<3>().0.iter().enumerate() {
             let (y, turn) = &self.here[i];

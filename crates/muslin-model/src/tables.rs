@@ -1,10 +1,9 @@
 //! A model as a device reads it: two arrays, and where what lies in them.
 
 use crate::fans::Fans;
-use crate::layers::Chain;
-use crate::swing::{Swing, n_swings, still};
-use crate::walls::foot_and_tip;
-use crate::{Encoder, FOLLOWED, Model, Skin, Sway};
+use crate::layers::{Chain, Dense};
+use crate::swing::{Swing, n_swings};
+use crate::{Encoder, FOLLOWED, Model, Skin, Sway, Wall};
 
 /// The twin of `Layout` in `cuda/kernels.cu`, which says what each is.
 #[repr(C)]
@@ -54,6 +53,27 @@ pub(crate) struct Layout {
     faint: f32,
 }
 
+/// Out of the skin from its point [m]: two points that bones carry, between which the way out lies in a pose.
+const TIP: f32 = 0.05;
+
+/// The skin's point below a vertex, and one out of the skin from there [m].
+fn foot_and_tip(w: &Wall) -> [[f32; 3]; 2] {
+    [w.foot, std::array::from_fn(|i| w.foot[i] + TIP * w.out[i])]
+}
+
+/// From the pose's codes to where vertices are before they are carried, axis by axis [m].
+fn still(model: &Model, verts: impl Iterator<Item = usize> + Clone) -> Dense {
+    let codes = model.n_codes() - 1;
+    let rows = verts.flat_map(|v| (0..3).map(move |axis| (v, axis)));
+    let row = |(v, axis): (usize, usize)| &model.modes[(3 * v + axis) * (codes + 1)..][..=codes];
+    let mixed = rows.clone().flat_map(|r| &row(r)[..codes]);
+    let at = rows
+        .clone()
+        .map(|r| model.template[r.0][r.1] + row(r)[codes]);
+    let params: Vec<f32> = mixed.copied().chain(at).collect();
+    Dense::of(codes, rows.count(), &params)
+}
+
 #[cfg(test)]
 impl Layout {
     /// As it lies in memory.
@@ -95,7 +115,7 @@ impl Network {
         Self {
             widths: std::iter::once(inputs as u32).chain(outputs).collect(),
             params: (chain.layers.iter())
-                .flat_map(|l| l.weights.iter().chain(&l.bias).copied())
+                .flat_map(|l| l.by_input().chain(l.bias.iter().copied()))
                 .collect(),
             bend: 1 + chain.bend as u32,
             bends_last: chain.bends_last,
@@ -214,7 +234,7 @@ impl Tables {
         let verts = || sway.samples.iter().map(|v| *v as usize);
         let mixed = still(model, verts());
         self.layout.masses = self.put(sway.masses.iter().copied());
-        self.layout.still = self.put(mixed.weights);
+        self.layout.still = self.put(mixed.by_input());
         self.layout.lie = self.put(mixed.bias);
         [
             self.layout.point_starts,
@@ -242,7 +262,7 @@ impl Tables {
     fn walls(&mut self, model: &Model, sway: &Sway, swing: &Swing) {
         let verts = || sway.walls.iter().map(|w| w.vertex as usize);
         let mixed = still(model, verts());
-        self.layout.wall_still = self.put(mixed.weights);
+        self.layout.wall_still = self.put(mixed.by_input());
         self.layout.wall_lie = self.put(mixed.bias);
         [
             self.layout.wall_starts,

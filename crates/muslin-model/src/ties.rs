@@ -7,6 +7,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use glam::{Mat3A, Vec3A};
+use pulp::Simd;
 
 use crate::layers::Dense;
 use crate::walls::{dot, faint};
@@ -87,14 +88,14 @@ impl Ties {
     /// Leads codes to where all of them are long enough, as far as a few rounds get; whether any was not. A pair that
     /// the pose alone leaves farther apart may be as far.
     #[inline(always)]
-    pub fn hold(&mut self, held: Held<'_>, q: &mut [f32]) -> bool {
+    pub fn hold<S: Simd>(&mut self, on: S, held: Held<'_>, q: &mut [f32]) -> bool {
         if self.pairs.is_empty() {
             return false;
         }
         let k = q.len();
         let (mut led, mut first) = (false, [0.0f32; MOST]);
         for _ in 0..ROUNDS {
-            held.ways.apply(q, held.each);
+            held.ways.apply(on, q, held.each);
             let ways = held.each.as_chunks::<3>().0;
             for ((at, way), (y, turn)) in self.at.iter_mut().zip(ways).zip(held.here) {
                 *at = *y + *turn * Vec3A::from_array(*way);

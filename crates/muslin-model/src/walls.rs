@@ -2,14 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use glam::Vec3A;
+use glam::{Mat3A, Vec3A};
 use muslin_net::learn::{Mlp, Nonlinear};
+use pulp::Simd;
 
 use crate::blocks::Blocks;
-use crate::decode::{Affine, One};
+use crate::decode::{Affine, One, Turned};
 use crate::layers::Dense;
 use crate::steps::{self, Two};
-use crate::{Encoder, Model, Skin, Sway, Wall};
+use crate::{Encoder, Model, Skin, Sway};
 
 /// Rounds over the walls in a step.
 const ROUNDS: usize = 3;
@@ -17,8 +18,6 @@ const ROUNDS: usize = 3;
 /// a shirt would not swing at all.
 const NEAR: f32 = 0.004;
 const LEAST: f32 = 0.001;
-/// Out of the skin from its point [m]: two points that bones carry, between which the way out lies in a pose.
-const TIP: f32 = 0.05;
 /// What [`faint`] takes of the most moved cloth: less leaves a dress that swings otherwise when it is turned about.
 const FAINT: f32 = 0.05;
 
@@ -29,12 +28,13 @@ const FAINT: f32 = 0.05;
 /// is at rest, and only the room before it is found in every pose.
 #[derive(Clone, Debug)]
 pub(crate) struct Walls {
-    /// The cloth's vertices as the pose alone lays them, and the skin's points, each with a tip out of it.
+    /// The cloth's vertices as the pose alone lays them, the skin's points, and the ways out of it there at rest.
     cloth: Blocks,
     skin: Blocks,
-    /// Room for both [m], and for the codes.
+    outs: Vec<Vec3A>,
+    /// Room for where both are [m], and for the codes.
     verts: Vec<[f32; 3]>,
-    feet: Vec<[f32; 3]>,
+    feet: Vec<(Vec3A, Mat3A)>,
     codes: Vec<f32>,
     twos: Vec<Two>,
     /// `nᵀ Φ` of every wall, one entry per swing.
@@ -59,12 +59,23 @@ impl Walls {
             ways.extend((0..k).map(|c| x * rows[c] + y * rows[k + c] + z * rows[2 * k + c]));
         }
         let params: Vec<f32> = ways.iter().map(|a| -a).chain(vec![0.0; n]).collect();
-        let (cloth, skin) = (Blocks::new(&above(model, sway)), Blocks::new(&below(sway)));
+        let (cloth, skin) = (
+            Blocks::new(&some_of(
+                model,
+                sway.walls.iter().map(|w| w.vertex as usize),
+            )),
+            Blocks::new(&below(sway)),
+        );
         Self {
             codes: vec![0.0; cloth.n_codes],
             twos: vec![[0; 2]; cloth.n_twos()],
             verts: vec![[0.0; 3]; n],
-            feet: vec![[0.0; 3]; 2 * n],
+            feet: vec![(Vec3A::ZERO, Mat3A::ZERO); n],
+            outs: sway
+                .walls
+                .iter()
+                .map(|w| Vec3A::from_array(w.out))
+                .collect(),
             cloth,
             skin,
             rooms: vec![0.0; n],
@@ -101,38 +112,37 @@ impl Walls {
         }
         let worths = z.iter().zip(&self.cloth.by_code);
         (self.codes.iter_mut().zip(worths)).for_each(|(to, (z, worth))| *to = z * worth);
-        let of = |blocks, codes, twos, out| One {
-            blocks,
-            codes,
+        steps::fastest(One {
+            blocks: &self.cloth,
+            codes: &self.codes,
             bones,
-            twos,
-            out,
+            twos: &mut self.twos,
+            out: &mut self.verts,
             normals: None,
-        };
-        steps::fastest(of(
-            &self.cloth,
-            &self.codes,
-            &mut self.twos,
-            &mut self.verts,
-        ));
-        steps::fastest(of(&self.skin, &[], &mut [], &mut self.feet));
-        let feet = self.feet.as_chunks::<2>().0;
-        for (room, (x, feet)) in self.rooms.iter_mut().zip(self.verts.iter().zip(feet)) {
-            let [foot, tip] = feet.map(Vec3A::from_array);
-            let out = (tip - foot).normalize_or_zero();
-            *room = (out.dot(Vec3A::from_array(*x) - foot) - NEAR).max(LEAST);
+        });
+        steps::fastest(Turned {
+            blocks: &self.skin,
+            codes: &[],
+            bones,
+            twos: &mut [],
+            out: &mut self.feet,
+        });
+        let points = self.verts.iter().zip(&self.feet).zip(&self.outs);
+        for (room, ((x, (foot, turn)), out)) in self.rooms.iter_mut().zip(points) {
+            let out = (*turn * *out).normalize_or_zero();
+            *room = (out.dot(Vec3A::from_array(*x) - *foot) - NEAR).max(LEAST);
         }
     }
 
     /// Codes that leave all of them in front of the skin, as far as a few rounds get.
     #[inline(always)]
-    pub fn hold(&mut self, q: &mut [f32]) {
+    pub fn hold<S: Simd>(&mut self, on: S, q: &mut [f32]) {
         if self.rooms.is_empty() {
             return;
         }
         let k = q.len();
         for _ in 0..ROUNDS {
-            self.towards.apply(q, &mut self.all);
+            self.towards.apply(on, q, &mut self.all);
             let mut held = true;
             for (w, (by, room)) in self.all.iter().zip(&self.rooms).enumerate() {
                 if by <= room {
@@ -154,38 +164,32 @@ impl Walls {
     }
 }
 
-/// The vertices that walls hold, as a cloth of their own.
-fn above(model: &Model, sway: &Sway) -> Model {
+/// Some of its vertices, as a cloth of their own that does not swing.
+pub(crate) fn some_of(model: &Model, verts: impl Iterator<Item = usize> + Clone) -> Model {
     let row = 3 * model.n_codes();
-    let verts = || sway.walls.iter().map(|w| w.vertex as usize);
     let laid = model.laid();
-    let modes = verts().flat_map(|v| &model.modes[v * row..(v + 1) * row]);
+    let modes = (verts.clone()).flat_map(|v| &model.modes[v * row..(v + 1) * row]);
     points(
         model.encoder.clone(),
-        (verts().map(|v| laid[v]).collect(), modes.copied().collect()),
-        skin(verts().map(|v| model.skin.row(v))),
+        (
+            verts.clone().map(|v| laid[v]).collect(),
+            modes.copied().collect(),
+        ),
+        skin(verts.map(|v| model.skin.row(v))),
     )
 }
 
-/// The skin's point below a vertex, and one out of the skin from there [m].
-pub(crate) fn foot_and_tip(w: &Wall) -> [[f32; 3]; 2] {
-    [w.foot, std::array::from_fn(|i| w.foot[i] + TIP * w.out[i])]
-}
-
-/// The skin's points and their tips, as a cloth that no pose corrects.
+/// The skin's points, as a cloth that no pose corrects.
 fn below(sway: &Sway) -> Model {
     let nothing = Mlp {
         widths: vec![0],
         bend: Nonlinear::Silu,
         bias: false,
     };
-    let template: Vec<[f32; 3]> = sway.walls.iter().flat_map(foot_and_tip).collect();
-    let both = (sway.walls.iter()).flat_map(|w| {
-        let row = w.bones.map(usize::from).into_iter().zip(w.weights);
-        [row.clone(), row]
-    });
+    let template: Vec<[f32; 3]> = sway.walls.iter().map(|w| w.foot).collect();
+    let rows = (sway.walls.iter()).map(|w| w.bones.map(usize::from).into_iter().zip(w.weights));
     let modes = vec![0.0; 3 * template.len()];
-    points(Encoder::Plain(nothing), (template, modes), skin(both))
+    points(Encoder::Plain(nothing), (template, modes), skin(rows))
 }
 
 /// Points without triangles, of which nothing is known but where they go.

@@ -11,7 +11,7 @@ use muslin_model::{Crowd, CrowdError, Model, Player};
 use muslin_sim::{Cloth, Settled};
 use rayon::prelude::*;
 
-use super::clock::{least_of, load};
+use super::clock::{Timing, least_of, load};
 use super::{fabrics, needed, sphere, swing};
 use crate::anew::refined;
 use crate::animate::{
@@ -410,39 +410,66 @@ pub(super) fn set<'a>(
     Ok(set)
 }
 
-/// Frames a second of the network alone, swings included, one frame after the other.
+/// Moments of a clip that a rate is measured over: standing still, nothing swings.
+const MANY: usize = 32;
+/// Moments a second.
+const RATE: f64 = 30.0;
+
+/// Frames a second of the network alone through a clip, swings included.
 fn speed(
     (who, model): (Wearer, &Model),
     (clip, worn): (&Path, &DressOptions),
 ) -> Result<String, Failure> {
     let avatar = who.0;
-    let set = &set((who, model), (clip, 30.0, worn), Some(1.0))?;
+    let set = &set((who, model), (clip, RATE, worn), Some(1.5))?;
     let model = &swing::swung(set, model)?;
     let mut player = Player::new(model, avatar).map_err(|e| model_failure(&e))?;
-    let pose = &set.moving.motion.poses[set.moving.lead];
-    let bones = avatar.bones(&set.figure, pose);
+    let moments = &set.moving.motion.poses[set.moving.lead..];
+    let poses: Vec<_> = moments.iter().cycle().take(MANY).collect();
+    let bones: Vec<_> = (poses.iter())
+        .map(|p| avatar.bones(&set.figure, p))
+        .collect();
+    let all: Vec<_> = (poses.iter().copied())
+        .zip(bones.iter().map(Vec::as_slice))
+        .collect();
     let n = player.n_verts();
-    let [mut out, mut normals] = [(); 2].map(|()| vec![[0.0f32; 3]; 32 * n]);
-    let network = least_of(10, || player.frame(pose, &bones, &mut out[..n]));
+    let [mut out, mut normals] = [(); 2].map(|()| vec![[0.0f32; 3]; MANY * n]);
+    let alone = least_of(10, || {
+        player.begin(RATE.recip());
+        for ((pose, bones), out) in all.iter().zip(out.chunks_mut(n)) {
+            player.frame(pose, bones, out);
+        }
+    });
     let turned = least_of(10, || {
-        player.frame_with_normals(pose, &bones, (&mut out[..n], &mut normals[..n]));
+        player.begin(RATE.recip());
+        let rooms = out.chunks_mut(n).zip(normals.chunks_mut(n));
+        for ((pose, bones), rooms) in all.iter().zip(rooms) {
+            player.frame_with_normals(pose, bones, rooms);
+        }
     });
     let with_bones = least_of(10, || {
-        let bones = avatar.bones(&set.figure, pose);
-        player.frame(pose, &bones, &mut out[..n]);
+        player.begin(RATE.recip());
+        for (pose, out) in poses.iter().zip(out.chunks_mut(n)) {
+            let bones = avatar.bones(&set.figure, pose);
+            player.frame(pose, &bones, out);
+        }
     });
-    let poses = [(pose, &bones[..]); 32];
-    let together = least_of(10, || player.frames(&poses, &mut out));
+    let together = least_of(10, || {
+        player.begin(RATE.recip());
+        player.frames(&all, &mut out);
+    });
     let turned_together = least_of(10, || {
-        player.frames_with_normals(&poses, (&mut out, &mut normals));
+        player.begin(RATE.recip());
+        player.frames_with_normals(&all, (&mut out, &mut normals));
     });
+    let rate = |time: Timing| 1e3 * MANY as f64 / time.wall;
     Ok(format!(
-        "network, swings, shapes and skinning on one core: {:.0} frames a second, 32 together {:.0}; with normals {:.0} and {:.0}; with the posed bones but no normals {:.0}; {}; refined by {REFINE} on all cores {:.1}",
-        1e3 / network.wall,
-        32e3 / together.wall,
-        1e3 / turned.wall,
-        32e3 / turned_together.wall,
-        1e3 / with_bones.wall,
+        "network, swings, shapes and skinning on one core: {:.0} frames a second, {MANY} together {:.0}; with normals {:.0} and {:.0}; with the posed bones but no normals {:.0}; {}; refined by {REFINE} on all cores {:.1}",
+        rate(alone),
+        rate(together),
+        rate(turned),
+        rate(turned_together),
+        rate(with_bones),
         crowds(model, set)?,
         refined_rate((who, model), (clip, worn))?
     ))
