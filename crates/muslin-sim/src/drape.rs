@@ -5,6 +5,7 @@ use std::cell::OnceCell;
 use glam::DVec3;
 use muslin_geom::Surface;
 
+use crate::awake::awake;
 use crate::{
     air::Air,
     carry::Carrier,
@@ -130,8 +131,7 @@ pub fn drape_while(
     body: (&[Frame], &[[u32; 3]]),
     options: (&Options, GoOn<'_>),
 ) -> Result<Settled, SimError> {
-    // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
-    rayon::join(|| drape_inside(cloth, start, body, options), || ()).0
+    awake(|| drape_inside(cloth, start, body, options))
 }
 
 fn drape_inside(

@@ -14,6 +14,7 @@
 
 mod again;
 mod air;
+mod awake;
 mod bending;
 mod body;
 mod carry;

@@ -13,6 +13,7 @@ use std::time::Instant;
 use glam::DVec3;
 use muslin_geom::Surface;
 
+use crate::awake::awake;
 use crate::{
     again::Again,
     carry::Carrier,
@@ -112,12 +113,7 @@ pub fn refine(
         is_calm: options.air.wind == DVec3::ZERO,
         deliver,
     };
-    // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
-    rayon::join(
-        || run.all(guesses, (walk.lead, 1.0 / walk.fps, go_on)),
-        || (),
-    )
-    .0
+    awake(|| run.all(guesses, (walk.lead, 1.0 / walk.fps, go_on)))
 }
 
 /// Leads cloth on until it lies still.

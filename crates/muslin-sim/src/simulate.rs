@@ -5,6 +5,7 @@ use std::{cmp::Ordering, ops::ControlFlow};
 use glam::DVec3;
 use muslin_geom::Surface;
 
+use crate::awake::awake;
 use crate::{
     again::Again,
     clean,
@@ -94,12 +95,10 @@ pub fn simulate_while(
     same("start", start.len(), cloth.n_verts())?;
     finite("start vertex", start)?;
     finite("body vertex", walk.rest)?;
-    // Inside the pool a fork costs next to nothing; from outside it wakes threads each time.
-    let mut run = || {
+    awake(|| {
         let run = Run::new(&weave, cloth, (start, resume), (walk, options))?;
         run.all(go_on, &mut deliver)
-    };
-    rayon::join(&mut run, || ()).0
+    })
 }
 
 struct Run<'a> {

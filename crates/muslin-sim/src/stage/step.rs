@@ -4,6 +4,7 @@ use glam::{DMat3, DVec3};
 use muslin_energy::{contact::Barrier, point::Scheme};
 
 use super::{Press, Stage};
+use crate::awake::awake;
 use crate::{
     air::{Air, Drag},
     body::Skin,
@@ -101,6 +102,10 @@ struct Met {
 impl Stage<'_> {
     /// One time step.
     pub fn step(&mut self, pace: &Pace) -> Result<(), SimError> {
+        awake(|| self.step_alone(pace))
+    }
+
+    fn step_alone(&mut self, pace: &Pace) -> Result<(), SimError> {
         self.watch();
         if self.is_tangled() {
             self.untangle();
