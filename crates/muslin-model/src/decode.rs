@@ -3,8 +3,9 @@
 use glam::{Mat3A, Vec3A};
 use pulp::Simd;
 
+use crate::Model;
 use crate::blocks::{Blocks, WIDE, Wide};
-use crate::steps::{Coder, Job, Sums, Two};
+use crate::steps::{self, Coder, Job, Sums, Two};
 
 /// A bone: the columns of its matrix and its translation.
 pub(crate) type Affine = [f32; 12];
@@ -70,14 +71,14 @@ fn turn(b: &Blocks, room: &mut [Placed], out: &mut [[f32; 3]]) {
 }
 
 /// One frame of points: where each of them is carried [m], and how what is around it is turned.
-pub(crate) struct Turned<'a> {
-    pub blocks: &'a Blocks,
+struct Turned<'a> {
+    blocks: &'a Blocks,
     /// Codes, each times what a step of it is worth.
-    pub codes: &'a [f32],
-    pub bones: &'a [Affine],
+    codes: &'a [f32],
+    bones: &'a [Affine],
     /// Room for the codes in steps.
-    pub twos: &'a mut [Two],
-    pub out: &'a mut [(Vec3A, Mat3A)],
+    twos: &'a mut [Two],
+    out: &'a mut [(Vec3A, Mat3A)],
 }
 
 impl Job for Turned<'_> {
@@ -102,6 +103,60 @@ impl Job for Turned<'_> {
                 self.out[*v as usize] = (column(9), turn);
             }
         }
+    }
+}
+
+/// Points on the cloth or on skin that are posed by themselves, and room for their codes.
+#[derive(Clone, Debug)]
+pub(crate) struct Points {
+    blocks: Blocks,
+    codes: Vec<f32>,
+    twos: Vec<Two>,
+}
+
+impl Points {
+    /// The vertices of a model that does not swing.
+    pub fn of(model: &Model) -> Self {
+        let blocks = Blocks::new(model);
+        Self {
+            codes: vec![0.0; blocks.n_codes],
+            twos: vec![[0; 2]; blocks.n_twos()],
+            blocks,
+        }
+    }
+
+    /// Takes what a pose mixes shapes by.
+    #[inline(always)]
+    fn mix(&mut self, z: &[f32]) {
+        let worths = z.iter().zip(&self.blocks.by_code);
+        (self.codes.iter_mut().zip(worths)).for_each(|(to, (z, worth))| *to = z * worth);
+    }
+
+    /// Where they are [m] in a pose that mixes shapes by `z`.
+    #[inline(always)]
+    pub fn laid(&mut self, (z, bones): (&[f32], &[Affine]), out: &mut [[f32; 3]]) {
+        self.mix(z);
+        steps::fastest(One {
+            blocks: &self.blocks,
+            codes: &self.codes,
+            bones,
+            twos: &mut self.twos,
+            out,
+            normals: None,
+        });
+    }
+
+    /// [`Points::laid`], and how what is around them is turned.
+    #[inline(always)]
+    pub fn turned(&mut self, (z, bones): (&[f32], &[Affine]), out: &mut [(Vec3A, Mat3A)]) {
+        self.mix(z);
+        steps::fastest(Turned {
+            blocks: &self.blocks,
+            codes: &self.codes,
+            bones,
+            twos: &mut self.twos,
+            out,
+        });
     }
 }
 

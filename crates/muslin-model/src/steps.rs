@@ -166,8 +166,7 @@ mod x86 {
 
     impl Summing {
         /// Does a job with them.
-        pub fn run(self, job: impl Job) {
-            let v4 = V4::try_new().expect("it has all of V4");
+        pub fn run(self, v4: V4, job: impl Job) {
             self.vectorize(
                 #[inline(always)]
                 || With(job, v4).with_simd(v4),
@@ -311,10 +310,10 @@ impl<J: Job, M: Sums> WithSimd for With<J, M> {
 pub(crate) fn fastest(job: impl Job) {
     #[cfg(target_arch = "x86_64")]
     {
-        if let Some(all) = x86::Summing::try_new() {
-            return all.run(job);
-        }
         if let Some(v4) = pulp::x86::V4::try_new() {
+            if let Some(all) = x86::Summing::try_new() {
+                return all.run(v4, job);
+            }
             return Simd::vectorize(v4, With(job, v4));
         }
         if let Some(v3) = pulp::x86::V3::try_new() {
@@ -352,9 +351,9 @@ mod tests {
             }
             if let Some(v4) = pulp::x86::V4::try_new() {
                 Simd::vectorize(v4, With(job, v4));
-            }
-            if let Some(all) = x86::Summing::try_new() {
-                all.run(job);
+                if let Some(all) = x86::Summing::try_new() {
+                    all.run(v4, job);
+                }
             }
         }
     }

@@ -3,10 +3,8 @@
 use glam::{Mat3A, Vec3A};
 use pulp::Simd;
 
-use crate::blocks::Blocks;
-use crate::decode::{Affine, Turned};
+use crate::decode::{Affine, Points};
 use crate::layers::Dense;
-use crate::steps::{self, Two};
 use crate::ties::{Held, Ties};
 use crate::walls::{Walls, some_of};
 use crate::{Model, Sway};
@@ -19,10 +17,7 @@ use crate::{Model, Sway};
 pub(crate) struct Swing {
     /// How much of the cloth each point stands for [kg].
     masses: Vec<f32>,
-    /// The points as a cloth of their own, and room for the pose's codes.
-    points: Blocks,
-    posed: Vec<f32>,
-    twos: Vec<Two>,
+    points: Points,
     /// The swings at every point: three rows with one entry per code; from codes to ways, and from pulls to codes.
     means: Vec<f32>,
     ways: Dense,
@@ -60,14 +55,11 @@ impl Swing {
     pub fn new(model: &Model) -> Option<Self> {
         let sway = model.sway.as_ref().filter(|s| !s.is_empty())?;
         let (k, n) = (sway.len(), sway.samples.len());
-        let points = Blocks::new(&some_of(model, sway.samples.iter().map(|v| *v as usize)));
         let turned = (0..k).flat_map(|c| sway.means[c..].iter().step_by(k));
         let turned: Vec<f32> = turned.copied().chain(std::iter::repeat_n(0.0, k)).collect();
         let means = sway.means.iter().copied();
         let ways: Vec<f32> = means.chain(std::iter::repeat_n(0.0, 3 * n)).collect();
         Some(Self {
-            posed: vec![0.0; points.n_codes],
-            twos: vec![[0; 2]; points.n_twos()],
             ways: Dense::of(k, 3 * n, &ways),
             pulls: Dense::of(3 * n, k, &turned),
             means: sway.means.clone(),
@@ -87,7 +79,7 @@ impl Swing {
             right: vec![0.0; k],
             level: 1.0,
             masses: sway.masses.clone(),
-            points,
+            points: Points::of(&some_of(model, sway.samples.iter().map(|v| *v as usize))),
         })
     }
 
@@ -126,7 +118,8 @@ impl Swing {
     /// The codes of the next frame, where the pose mixes shapes by `z` and bones stand so.
     #[inline(always)]
     pub fn codes<S: Simd>(&mut self, on: S, (z, bones): (&[f32], &[Affine]), out: &mut [f32]) {
-        self.rest(z, bones);
+        // Where the points would rest, and how they are turned.
+        self.points.turned((z, bones), &mut self.here);
         let k = self.len();
         let tau = 2.0 / 3.0 * self.step;
         match self.past.seen {
@@ -155,20 +148,6 @@ impl Swing {
         for (to, q) in out[..k].iter_mut().zip(&self.past.codes[0]) {
             *to = self.level * q;
         }
-    }
-
-    /// Where the points would rest, and how they are turned.
-    #[inline(always)]
-    fn rest(&mut self, z: &[f32], bones: &[Affine]) {
-        let worths = z.iter().zip(&self.points.by_code);
-        (self.posed.iter_mut().zip(worths)).for_each(|(to, (z, worth))| *to = z * worth);
-        steps::fastest(Turned {
-            blocks: &self.points,
-            codes: &self.posed,
-            bones,
-            twos: &mut self.twos,
-            out: &mut self.here,
-        });
     }
 
     /// A step in time.

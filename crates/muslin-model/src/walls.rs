@@ -6,10 +6,8 @@ use glam::{Mat3A, Vec3A};
 use muslin_net::learn::{Mlp, Nonlinear};
 use pulp::Simd;
 
-use crate::blocks::Blocks;
-use crate::decode::{Affine, One, Turned};
+use crate::decode::{Affine, Points};
 use crate::layers::Dense;
-use crate::steps::{self, Two};
 use crate::{Encoder, Model, Skin, Sway};
 
 /// Rounds over the walls in a step.
@@ -29,14 +27,12 @@ const FAINT: f32 = 0.05;
 #[derive(Clone, Debug)]
 pub(crate) struct Walls {
     /// The cloth's vertices as the pose alone lays them, the skin's points, and the ways out of it there at rest.
-    cloth: Blocks,
-    skin: Blocks,
+    cloth: Points,
+    skin: Points,
     outs: Vec<Vec3A>,
-    /// Room for where both are [m], and for the codes.
+    /// Room for where both are [m].
     verts: Vec<[f32; 3]>,
     feet: Vec<(Vec3A, Mat3A)>,
-    codes: Vec<f32>,
-    twos: Vec<Two>,
     /// `nᵀ Φ` of every wall, one entry per swing.
     pub ways: Vec<f32>,
     /// How far each may swing towards its skin [m].
@@ -59,25 +55,13 @@ impl Walls {
             ways.extend((0..k).map(|c| x * rows[c] + y * rows[k + c] + z * rows[2 * k + c]));
         }
         let params: Vec<f32> = ways.iter().map(|a| -a).chain(vec![0.0; n]).collect();
-        let (cloth, skin) = (
-            Blocks::new(&some_of(
-                model,
-                sway.walls.iter().map(|w| w.vertex as usize),
-            )),
-            Blocks::new(&below(sway)),
-        );
+        let verts = sway.walls.iter().map(|w| w.vertex as usize);
         Self {
-            codes: vec![0.0; cloth.n_codes],
-            twos: vec![[0; 2]; cloth.n_twos()],
             verts: vec![[0.0; 3]; n],
             feet: vec![(Vec3A::ZERO, Mat3A::ZERO); n],
-            outs: sway
-                .walls
-                .iter()
-                .map(|w| Vec3A::from_array(w.out))
-                .collect(),
-            cloth,
-            skin,
+            outs: (sway.walls.iter().map(|w| Vec3A::from_array(w.out))).collect(),
+            cloth: Points::of(&some_of(model, verts)),
+            skin: Points::of(&below(sway)),
             rooms: vec![0.0; n],
             towards: Dense::of(k, n, &params),
             all: vec![0.0; n],
@@ -110,23 +94,8 @@ impl Walls {
         if self.rooms.is_empty() {
             return;
         }
-        let worths = z.iter().zip(&self.cloth.by_code);
-        (self.codes.iter_mut().zip(worths)).for_each(|(to, (z, worth))| *to = z * worth);
-        steps::fastest(One {
-            blocks: &self.cloth,
-            codes: &self.codes,
-            bones,
-            twos: &mut self.twos,
-            out: &mut self.verts,
-            normals: None,
-        });
-        steps::fastest(Turned {
-            blocks: &self.skin,
-            codes: &[],
-            bones,
-            twos: &mut [],
-            out: &mut self.feet,
-        });
+        self.cloth.laid((z, bones), &mut self.verts);
+        self.skin.turned((&[], bones), &mut self.feet);
         let points = self.verts.iter().zip(&self.feet).zip(&self.outs);
         for (room, ((x, (foot, turn)), out)) in self.rooms.iter_mut().zip(points) {
             let out = (*turn * *out).normalize_or_zero();

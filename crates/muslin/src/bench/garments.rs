@@ -11,7 +11,7 @@ use muslin_model::{Crowd, CrowdError, Model, Player};
 use muslin_sim::{Cloth, Settled};
 use rayon::prelude::*;
 
-use super::clock::{Timing, least_of, load};
+use super::clock::{least_of, load};
 use super::{fabrics, needed, sphere, swing};
 use crate::anew::refined;
 use crate::animate::{
@@ -434,42 +434,36 @@ fn speed(
         .collect();
     let n = player.n_verts();
     let [mut out, mut normals] = [(); 2].map(|()| vec![[0.0f32; 3]; MANY * n]);
-    let alone = least_of(10, || {
-        player.begin(RATE.recip());
+    // Moments a second of one way to play them all.
+    let mut rate = |play: &mut dyn FnMut(&mut Player)| {
+        let time = least_of(10, || {
+            player.begin(RATE.recip());
+            play(&mut player);
+        });
+        1e3 * MANY as f64 / time.wall
+    };
+    let alone = rate(&mut |player| {
         for ((pose, bones), out) in all.iter().zip(out.chunks_mut(n)) {
             player.frame(pose, bones, out);
         }
     });
-    let turned = least_of(10, || {
-        player.begin(RATE.recip());
+    let turned = rate(&mut |player| {
         let rooms = out.chunks_mut(n).zip(normals.chunks_mut(n));
         for ((pose, bones), rooms) in all.iter().zip(rooms) {
             player.frame_with_normals(pose, bones, rooms);
         }
     });
-    let with_bones = least_of(10, || {
-        player.begin(RATE.recip());
+    let with_bones = rate(&mut |player| {
         for (pose, out) in poses.iter().zip(out.chunks_mut(n)) {
             let bones = avatar.bones(&set.figure, pose);
             player.frame(pose, &bones, out);
         }
     });
-    let together = least_of(10, || {
-        player.begin(RATE.recip());
-        player.frames(&all, &mut out);
-    });
-    let turned_together = least_of(10, || {
-        player.begin(RATE.recip());
-        player.frames_with_normals(&all, (&mut out, &mut normals));
-    });
-    let rate = |time: Timing| 1e3 * MANY as f64 / time.wall;
+    let together = rate(&mut |player| player.frames(&all, &mut out));
+    let turned_together =
+        rate(&mut |player| player.frames_with_normals(&all, (&mut out, &mut normals)));
     Ok(format!(
-        "network, swings, shapes and skinning on one core: {:.0} frames a second, {MANY} together {:.0}; with normals {:.0} and {:.0}; with the posed bones but no normals {:.0}; {}; refined by {REFINE} on all cores {:.1}",
-        rate(alone),
-        rate(together),
-        rate(turned),
-        rate(turned_together),
-        rate(with_bones),
+        "network, swings, shapes and skinning on one core: {alone:.0} frames a second, {MANY} together {together:.0}; with normals {turned:.0} and {turned_together:.0}; with the posed bones but no normals {with_bones:.0}; {}; refined by {REFINE} on all cores {:.1}",
         crowds(model, set)?,
         refined_rate((who, model), (clip, worn))?
     ))
@@ -516,7 +510,7 @@ fn refined_rate(
     (who, model): (Wearer, &Model),
     (clip, worn): (&Path, &DressOptions),
 ) -> Result<f64, Failure> {
-    let set = &set((who, model), (clip, 30.0, worn), Some(1.0))?;
+    let set = &set((who, model), (clip, RATE, worn), Some(1.0))?;
     let raw = predict((set, slice::from_ref(model)), (1.0, usize::MAX))?.frames;
     let inertia = f64::from(u8::from(swings::are_ours(model)));
     let lead = |n: usize| {
