@@ -121,6 +121,11 @@ impl Garment {
         !matches!(self.recipe, Some(Recipe::Tee(_) | Recipe::Trousers(_)))
     }
 
+    /// Whether nothing but a waistband holds it: skirts, and what of a user's is pinned and not known to be trousers.
+    pub fn hangs_from_the_waist(&self) -> bool {
+        !self.pins.is_empty() && !matches!(self.recipe, Some(Recipe::Trousers(_)))
+    }
+
     /// How many vertices it has.
     pub fn n_verts(&self) -> usize {
         self.binding.n_rows()

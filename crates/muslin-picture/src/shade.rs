@@ -97,37 +97,9 @@ impl Shader<'_> {
             true => 0.0,
             false => widely(
                 #[inline(always)]
-                || self.unblocked(&receiver, Vec2::from_angle(TAU * interleaved(x, y))),
+                || receiver.unblocked(self.key_map, Vec2::from_angle(TAU * interleaved(x, y))),
             ),
         }
-    }
-
-    #[inline(always)]
-    fn unblocked(&self, receiver: &Receiver, turn: Vec2) -> f32 {
-        let map = self.key_map;
-        let widest = (KEY_RADIUS * 0.45 / map.texel).clamp(2.0, 40.0);
-        let (places, heights) = receiver.around(&SEARCH, turn * widest);
-        let tops = map.at(&places);
-        let (mut sums, mut blockers) = ([0.0; LANES], 0);
-        for k in 0..tops.len() {
-            let blocks = tops[k] > heights[k];
-            sums[k % LANES] += if blocks { tops[k] } else { 0.0 };
-            blockers += usize::from(blocks);
-        }
-        // What all around is hidden from the lamp is so itself.
-        if blockers == 0 || blockers == tops.len() {
-            return if blockers == 0 { 1.0 } else { 0.0 };
-        }
-        let height = sums.iter().sum::<f32>() / blockers as f32;
-        let gap = (height - receiver.at.z).max(0.0);
-        let radius = (KEY_RADIUS * gap / map.texel).clamp(1.6, widest);
-        let (places, heights) = receiver.around(&TAPS, turn * radius);
-        let lit = map.lit(&places, &heights);
-        let mut sums = [0.0; LANES];
-        for k in 0..lit.len() {
-            sums[k % LANES] += lit[k];
-        }
-        sums.iter().sum::<f32>() / lit.len() as f32
     }
 }
 
@@ -170,6 +142,33 @@ impl Receiver {
             margin: 0.7 * map.texel + 0.0006,
             turned_away: n.z < -0.25,
         }
+    }
+
+    /// Share of the lamp that is seen past what the map holds; `turn` (of unit length) turns where that is looked for.
+    #[inline(always)]
+    fn unblocked(&self, map: &LightMap, turn: Vec2) -> f32 {
+        let widest = (KEY_RADIUS * 0.45 / map.texel).clamp(2.0, 40.0);
+        let (places, heights) = self.around(&SEARCH, turn * widest);
+        let tops = map.at(&places);
+        let (mut sums, mut blockers) = ([0.0; LANES], 0);
+        for k in 0..tops.len() {
+            let blocks = tops[k] > heights[k];
+            sums[k % LANES] += if blocks { tops[k] } else { 0.0 };
+            blockers += usize::from(blocks);
+        }
+        if blockers == 0 {
+            return 1.0;
+        }
+        let height = sums.iter().sum::<f32>() / blockers as f32;
+        let gap = (height - self.at.z).max(0.0);
+        let radius = (KEY_RADIUS * gap / map.texel).clamp(1.6, widest);
+        let (places, heights) = self.around(&TAPS, turn * radius);
+        let lit = map.lit(&places, &heights);
+        let mut sums = [0.0; LANES];
+        for k in 0..lit.len() {
+            sums[k % LANES] += lit[k];
+        }
+        sums.iter().sum::<f32>() / lit.len() as f32
     }
 
     /// Texel coordinates of the points of a disc about it, each multiplied by `turn` as complex numbers are, and the height
@@ -240,4 +239,42 @@ fn stitches(d: f32, width: f32, footprint: f32) -> f32 {
     let blur = footprint.max(THREAD);
     let row = |at: f32| (1.0 - (d - at).abs() / blur).max(0.0) * (THREAD / blur).sqrt();
     row(width).max(row(width - 0.006))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How much light there is on a floor of a metre under a cover this high [m] all around, with a hole above the middle.
+    fn lit_under(cover: f32, hole: f32) -> f32 {
+        let mut flat = Flat::default();
+        let corners = [[-0.5, -0.5], [-0.5, 0.5], [0.5, 0.5], [0.5, -0.5]];
+        flat.at.extend(corners.map(|[x, z]| Vec3::new(x, 0.0, z)));
+        flat.faces.extend([[0, 1, 2], [0, 2, 3]]);
+        let mut map = LightMap::new(&flat, Vec3::Y, 1004);
+        let middle = map.place(Vec3::ZERO);
+        for (k, top) in map.top.iter_mut().enumerate() {
+            let texel = Vec2::new((k % map.size) as f32, (k / map.size) as f32) + 0.5;
+            if texel.distance(middle.truncate()) * map.texel > hole {
+                *top = cover;
+            }
+        }
+        let receiver = Receiver {
+            at: middle,
+            slope: Vec2::ZERO,
+            margin: 1e-3,
+            turned_away: false,
+        };
+        receiver.unblocked(&map, Vec2::X)
+    }
+
+    #[test]
+    fn light_through_a_small_hole_of_what_lies_close_is_seen() {
+        assert_eq!(lit_under(0.004, 0.003), 1.0, "close cover, open middle");
+        assert_eq!(lit_under(0.004, 0.0), 0.0, "close cover");
+        assert_eq!(lit_under(0.3, 0.0), 0.0, "far cover");
+        let far = lit_under(0.3, 0.003);
+        assert!((0.0..0.3).contains(&far), "{far}: the lamp is wide");
+        assert_eq!(lit_under(0.004, 2.0), 1.0, "no cover");
+    }
 }

@@ -15,7 +15,7 @@ use crate::{
     loosen::{Lie, beyond, faults, let_go},
     quality::{self, Settled},
     relief::{Frame, relieve_path},
-    stage::{CALM_ROUNDS, Pace, Stage, TORN, part_way},
+    stage::{CALM_ROUNDS, Grips, Pace, Stage, TORN, part_way},
     weave::Weave,
 };
 
@@ -49,6 +49,9 @@ pub struct Options {
     pub tugs: usize,
     /// Whether what ends with a fault is tried a second time, with more care.
     pub again: bool,
+    /// Whether cloth slides freely along the path, and a little longer, at the first attempt: what goes along with the skin
+    /// that it is next to is then not held where a limb took it up. What hangs from the waist alone rides up.
+    pub freely: bool,
     /// Whether waves of many edges' length are solved by a level of their own. What hangs freely
     /// comes to a false rest without; what lies on the body gains nothing and takes a third longer.
     /// Cloth in motion is always solved so.
@@ -73,6 +76,7 @@ impl Options {
         pin: 15.0,
         tugs: 4,
         again: true,
+        freely: false,
         handles: false,
         second_order: false,
     };
@@ -92,6 +96,8 @@ const CAREFUL_ROOM: f64 = 6e-3;
 /// Share of the skin's friction that counts where cloth slides: what is pulled tight has to slide. Cloth that rests with
 /// less friction rests with more.
 const SLIPPERY: f64 = 0.1;
+/// Steps in which cloth that slid along the path slides on where the body has arrived.
+const SLIDING: usize = 4;
 /// An attempt in which a face in a hundred stretches this far beyond its limit on the way would take long and come to
 /// nothing: the first, and later ones.
 const HOPELESS: [f64; 2] = [0.3, TORN];
@@ -131,12 +137,29 @@ pub fn drape_while(
     body: (&[Frame], &[[u32; 3]]),
     options: (&Options, GoOn<'_>),
 ) -> Result<Settled, SimError> {
-    awake(|| drape_inside(cloth, start, body, options))
+    awake(|| drape_inside(cloth, (start, &[]), body, options))
+}
+
+/// [`drape_while`] of cloth that goes along as `laid` [m] goes from frame to frame of the path, not with the skin that it is
+/// next to, and slides freely until shortly after the body has arrived: a shirt's hem is not taken up by a thigh, nor held
+/// there.
+pub fn drape_along(
+    cloth: &Cloth,
+    (start, laid): (&[DVec3], &[Vec<DVec3>]),
+    body: (&[Frame], &[[u32; 3]]),
+    options: (&Options, GoOn<'_>),
+) -> Result<Settled, SimError> {
+    same("frames of laid cloth", laid.len(), body.0.len())?;
+    for one in laid {
+        same("laid cloth", one.len(), cloth.n_verts())?;
+        finite("laid vertex", one)?;
+    }
+    awake(|| drape_inside(cloth, (start, laid), body, options))
 }
 
 fn drape_inside(
     cloth: &Cloth,
-    start: &[DVec3],
+    (start, laid): (&[DVec3], &[Vec<DVec3>]),
     (path, body_faces): (&[Frame], &[[u32; 3]]),
     (options, go_on): (&Options, GoOn<'_>),
 ) -> Result<Settled, SimError> {
@@ -155,6 +178,7 @@ fn drape_inside(
     let job = Job {
         cloth,
         start,
+        laid,
         path,
         body_faces,
         worn_on,
@@ -173,6 +197,8 @@ fn drape_inside(
 struct Job<'j> {
     cloth: &'j Cloth,
     start: &'j [DVec3],
+    /// What it goes along with from frame to frame of the path [m], if not with the skin.
+    laid: &'j [Vec<DVec3>],
     path: &'j [Frame],
     body_faces: &'j [[u32; 3]],
     /// Skin vertices that the cloth is worn on.
@@ -263,18 +289,25 @@ impl Job<'_> {
         }
         if matches!(attempt, Attempt::Sliding | Attempt::Parting) {
             stage.watch_met();
-            stage.grip = SLIPPERY;
+            stage.grips.skin = SLIPPERY;
         }
         stage.slides = attempt == Attempt::Parting;
+        let held = stage.grips;
+        let freely = !self.laid.is_empty() || options.freely && attempt == Attempt::First;
+        if freely {
+            stage.grips = Grips::NONE;
+        }
         for _ in 0..options.first_steps {
             stage.step(&Pace::calm(options.step, 0.5))?;
         }
-        for (before, frame) in way.iter().zip(&way[1..]) {
+        for (k, (before, frame)) in way.iter().zip(&way[1..]).enumerate() {
             asked(self.go_on)?;
             if attempt == Attempt::Slow {
-                stage.follow(&part_way((before, frame), 0.5))?;
+                self.go_along(&mut stage, (k, 0.5), &part_way((before, frame), 0.5))?;
+                self.go_along(&mut stage, (k, 0.5), frame)?;
+            } else {
+                self.go_along(&mut stage, (k, 1.0), frame)?;
             }
-            stage.follow(frame)?;
             if options.again {
                 let beyond = quality::excess_p99(&self.weave, &stage.x);
                 if beyond > HOPELESS[usize::from(careful)] {
@@ -282,6 +315,13 @@ impl Job<'_> {
                 }
             }
         }
+        if freely && way.len() > 1 {
+            for _ in 0..SLIDING {
+                asked(self.go_on)?;
+                stage.step(&stage.hasty(options.keep))?;
+            }
+        }
+        stage.grips = held;
         let converged = stage.settle(self.go_on)?;
         let body = Frame {
             skin: way[way.len() - 1].clone(),
@@ -294,6 +334,20 @@ impl Job<'_> {
         let yielded = relief.deepest + best.yielded;
         let beyond = beyond(self.cloth, &best.verts);
         Ok(Attempted::Lies(faults, beyond, Settled { yielded, ..best }))
+    }
+
+    /// Takes the body so much of its way from frame `k` of the path to the next, to `frame`, and the cloth along.
+    fn go_along(
+        &self,
+        stage: &mut Stage<'_>,
+        (k, share): (usize, f64),
+        frame: &[DVec3],
+    ) -> Result<(), SimError> {
+        if let Some([from, to]) = self.laid.get(k..k + 2) {
+            let moves = from.iter().zip(to).map(|(a, b)| (*b - *a) * share);
+            return stage.lead_in_pieces(frame, &moves.collect::<Vec<_>>());
+        }
+        stage.follow(frame)
     }
 
     /// The first way to lie that ends without fault, or the one whose faults are least.

@@ -51,7 +51,7 @@ mod weave;
 
 pub use air::Air;
 pub use cloth::{Cloth, Material, SimError};
-pub use drape::{Options, drape, drape_while};
+pub use drape::{Options, drape, drape_along, drape_while};
 pub use hang::{Hanging, hang};
 pub use loosen::BEYOND_LIMIT;
 pub use quality::{Energies, Settled, stretch};

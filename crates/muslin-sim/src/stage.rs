@@ -59,11 +59,31 @@ pub(crate) struct Stage<'a> {
     met: Option<Vec<u32>>,
     /// Whether cloth could not slip back to its limit in the last step.
     wedged: bool,
-    /// Share of the skin's friction that counts.
-    pub grip: f64,
+    /// How much of friction counts.
+    pub grips: Grips,
     /// Whether cloth that is to come to rest slides on where it is stopped, too.
     pub slides: bool,
     pub steps: usize,
+}
+
+/// How much of friction counts, of 1.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grips {
+    /// Of the skin's on cloth.
+    pub skin: f64,
+    /// Of cloth's on cloth.
+    pub cloth: f64,
+}
+
+impl Grips {
+    pub const ALL: Self = Self {
+        skin: 1.0,
+        cloth: 1.0,
+    };
+    pub const NONE: Self = Self {
+        skin: 0.0,
+        cloth: 0.0,
+    };
 }
 
 /// How moving cloth goes on.
@@ -149,7 +169,7 @@ impl<'a> Stage<'a> {
             thin: Vec::new(),
             met: None,
             wedged: false,
-            grip: 1.0,
+            grips: Grips::ALL,
             slides: false,
             steps: 0,
             weave,
@@ -199,28 +219,43 @@ impl<'a> Stage<'a> {
         self.poked.dedup();
     }
 
-    /// Takes the body to its next frame, in pieces so small that no skin jumps over cloth.
+    /// Takes the body to its next frame and the cloth along with it, in pieces so small that no skin jumps over cloth.
     pub fn follow(&mut self, frame: &[DVec3]) -> Result<(), SimError> {
-        let motions = self.motions(frame);
-        let x = self.x.clone();
-        let pieces = self.pieces(frame, |v| motions[v].transform_point3(x[v]) - x[v]);
+        self.in_pieces(frame, |stage, to, _| {
+            let motions = stage.motions_between(stage.body.now.verts(), to);
+            let x = &stage.x;
+            ordered::map(x.len(), |i| motions[i].transform_point3(x[i]) - x[i])
+        })
+    }
+
+    /// Takes the body to its next frame and the cloth along `moves` [m], in such pieces.
+    pub fn lead_in_pieces(&mut self, frame: &[DVec3], moves: &[DVec3]) -> Result<(), SimError> {
+        self.in_pieces(frame, |_, _, share| {
+            moves.iter().map(|m| *m * share).collect()
+        })
+    }
+
+    /// Takes the body to its next frame; `moves` says how far the cloth goes along with it to a place on the way, which is
+    /// so much of it away [m].
+    fn in_pieces(
+        &mut self,
+        frame: &[DVec3],
+        moves: impl Fn(&Self, &[DVec3], f64) -> Vec<DVec3>,
+    ) -> Result<(), SimError> {
+        let whole = moves(self, frame, 1.0);
+        let pieces = self.pieces(frame, |v| whole[v]);
         if pieces == 1 {
-            self.carry(frame, &motions);
+            self.carry(frame, whole);
             return self.calm_step();
         }
         let from = self.body.now.verts().to_vec();
         for k in 1..=pieces {
             let between = part_way((&from, frame), k as f64 / pieces as f64);
-            let motions = self.motions(&between);
-            self.carry(&between, &motions);
+            let part = moves(self, &between, 1.0 / pieces as f64);
+            self.carry(&between, part);
             self.calm_step()?;
         }
         Ok(())
-    }
-
-    /// What the body's move to `frame` does to every vertex.
-    fn motions(&self, frame: &[DVec3]) -> Vec<DAffine3> {
-        self.motions_between(self.body.now.verts(), frame)
     }
 
     /// What the body's move from one place to another does to every vertex.
@@ -266,12 +301,10 @@ impl<'a> Stage<'a> {
         (needed.ceil() as usize).min(PIECES)
     }
 
-    /// Takes the body to `frame` and the cloth along with it.
-    fn carry(&mut self, frame: &[DVec3], motions: &[DAffine3]) {
+    /// Takes the body to `frame` and the cloth along `moves` [m].
+    fn carry(&mut self, frame: &[DVec3], moves: Vec<DVec3>) {
         self.body.advance(frame);
         self.before.clone_from(&self.x);
-        let x = &self.x;
-        let moves = ordered::map(x.len(), |i| motions[i].transform_point3(x[i]) - x[i]);
         self.go(moves, false);
     }
 
@@ -442,7 +475,7 @@ impl<'a> Stage<'a> {
     }
 
     /// A step towards rest, with as many Newton steps as are asked for.
-    fn hasty(&self, keep: f64) -> Pace {
+    pub fn hasty(&self, keep: f64) -> Pace {
         Pace {
             rounds: self.options.rounds,
             ..Pace::calm(self.options.step, keep)

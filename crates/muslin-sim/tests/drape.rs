@@ -3,7 +3,7 @@
 mod scenes;
 
 use glam::{DVec2, DVec3};
-use muslin_sim::{Cloth, Frame, Options, Settled, SimError, drape, drape_while};
+use muslin_sim::{Cloth, Frame, Options, Settled, SimError, drape, drape_along, drape_while};
 use scenes::{capsule, cotton, cut, grid, look, tube};
 
 /// A body far below everything, for scenes without one.
@@ -322,4 +322,45 @@ fn a_drape_stops_between_two_steps_when_asked() {
     let stopped = drape_while(&cloth, &start, (&path, &body_faces), options);
     assert_eq!(stopped.err(), Some(SimError::Stopped));
     assert_eq!(left.into_inner(), -1, "asked once more, then no longer");
+}
+
+#[test]
+fn cloth_that_is_led_stays_where_it_is_led_while_skin_slides_below() {
+    let (flat, faces) = grid(DVec2::new(0.2, 0.4), [10, 20]);
+    let rest = faces.iter().map(|f| f.map(|i| flat[i as usize])).collect();
+    let place = |p: &DVec2| DVec3::new(p.x - 0.1, 0.106, 0.2 - p.y);
+    let start: Vec<DVec3> = flat.iter().map(place).collect();
+    let cloth = cut(start.len(), faces, rest, cotton());
+    // A bar along which the skin moves by 8 cm.
+    let bar = |x: f64| capsule(DVec3::X * (x - 0.5), DVec3::X * (x + 0.5), 0.1, 24);
+    let path: Vec<Frame> = (0..=8).map(|k| bar(0.01 * k as f64).0.into()).collect();
+    let body_faces = bar(0.0).1;
+    let options = Options::default();
+    let how = (&options, &(|| true) as &(dyn Fn() -> bool + Sync));
+    let body = (&path[..], &body_faces[..]);
+    let went = |settled: &Settled| {
+        assert_clean(settled);
+        let ways = settled.verts.iter().zip(&start).map(|(a, b)| a.x - b.x);
+        ways.sum::<f64>() / start.len() as f64
+    };
+    let carried = drape_while(&cloth, &start, body, how).expect("valid scene");
+    assert!((went(&carried) - 0.08).abs() < 0.01, "{}", went(&carried));
+    // It is thought to lie where it is, or to go the other way.
+    for speed in [0.0, -0.005] {
+        let laid = |k: usize| {
+            start
+                .iter()
+                .map(|p| *p + DVec3::X * (speed * k as f64))
+                .collect()
+        };
+        let laid: Vec<Vec<DVec3>> = (0..=8).map(laid).collect();
+        let led = drape_along(&cloth, (&start, &laid), body, how).expect("valid scene");
+        assert!((went(&led) - 8.0 * speed).abs() < 0.01, "{}", went(&led));
+        let short = drape_along(&cloth, (&start, &laid[1..]), body, how).unwrap_err();
+        assert!(short.to_string().contains("laid cloth"), "{short}");
+        let mut bad = laid.clone();
+        bad[3][7].z = f64::NAN;
+        let bad = drape_along(&cloth, (&start, &bad), body, how).unwrap_err();
+        assert!(bad.to_string().contains("laid vertex 7"), "{bad}");
+    }
 }

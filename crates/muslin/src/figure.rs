@@ -71,13 +71,12 @@ impl Sitter {
         Pose::rest(avatar).toward(&self.pose, share)
     }
 
-    /// The body on the way from the rest pose to the pose, from a share of that way on, both ends
-    /// included.
+    /// Shares of the way from the rest pose to the pose, from one of them on, both ends included.
     ///
-    /// The way eases in and out, and no joint turns by more than `most` radians a step.
-    pub(crate) fn path(&self, avatar: &Avatar, (from, most): (f64, f64)) -> Vec<Frame> {
+    /// The way eases in and out, and no joint turns by more than `most` radians from one to the next.
+    pub(crate) fn shares(&self, (from, most): (f64, f64)) -> Vec<f64> {
         if from >= 1.0 {
-            return vec![self.frame(avatar)];
+            return vec![1.0];
         }
         let turns = self
             .pose
@@ -91,14 +90,24 @@ impl Sitter {
         let left = (1.0 - from) * widest;
         let fewest = if from > 0.0 { 2 } else { 8 };
         let steps = ((1.5 * left / most).ceil() as usize).clamp(fewest, 60);
-        let cores = Cores::new(avatar, &self.figure);
-        let frame = |i: usize| {
+        let share = |i: usize| {
             let t = i as f64 / steps as f64;
-            let eased = from + (1.0 - from) * t * t * (3.0 - 2.0 * t);
-            let pose = self.on_the_way(avatar, eased);
+            from + (1.0 - from) * t * t * (3.0 - 2.0 * t)
+        };
+        (0..=steps).map(share).collect()
+    }
+
+    /// The body at shares of that way.
+    pub(crate) fn path(&self, avatar: &Avatar, shares: &[f64]) -> Vec<Frame> {
+        if shares == [1.0] {
+            return vec![self.frame(avatar)];
+        }
+        let cores = Cores::new(avatar, &self.figure);
+        let frame = |share: &f64| {
+            let pose = self.on_the_way(avatar, *share);
             body_frame(avatar, &avatar.pose(&self.figure, &pose), &cores)
         };
-        (0..=steps).map(frame).collect()
+        shares.iter().map(frame).collect()
     }
 }
 

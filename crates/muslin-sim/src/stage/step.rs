@@ -443,7 +443,9 @@ impl Stage<'_> {
             };
             touches.iter_mut().for_each(|t| t.rub.grip = grip(t));
         }
-        touches.iter_mut().for_each(|t| t.rub.grip *= self.grip);
+        touches
+            .iter_mut()
+            .for_each(|t| t.rub.grip *= self.grips.skin);
         for &f in &self.poked {
             for w in SAMPLES {
                 touches.extend(self.body.face_touch(self.weave, (&self.x, f, w), &skin));
@@ -501,7 +503,11 @@ impl Stage<'_> {
             pushed: self.pressed.as_ref().map(|p| &p.by_cloth[..]),
             fall,
         };
-        pairs::gripping(&self.near.list, x, &rule)
+        let mut pairs = pairs::gripping(&self.near.list, x, &rule);
+        pairs
+            .iter_mut()
+            .for_each(|p| p.rub.grip *= self.grips.cloth);
+        pairs
     }
 }
 

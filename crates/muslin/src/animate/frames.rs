@@ -7,7 +7,7 @@ use glam::DVec3;
 use muslin_body::Pose;
 use muslin_geom::{Mesh, Surface, intersecting_pairs};
 use muslin_model::{Model, Player};
-use muslin_sim::{Frame, Guesses, Options, Refined, Settled, drape_while, refine};
+use muslin_sim::{Frame, Guesses, Options, Refined, Settled, drape_along, refine};
 use rayon::prelude::*;
 
 use crate::anew::{Solved, faults, once_more, reach};
@@ -213,10 +213,17 @@ fn led_in(
     let Some((share, start)) = laid else {
         return Ok(None);
     };
-    let path: Vec<Frame> = (pose(share)..=lead).map(|k| set.frame(k)).collect();
+    let way = pose(share)..=lead;
+    let along: Option<Vec<_>> = (way.clone().into_par_iter())
+        .map(|k| known.laid(&motion.poses[k]))
+        .collect();
+    let Some(along) = along else {
+        return Ok(None);
+    };
+    let path: Vec<Frame> = way.map(|k| set.frame(k)).collect();
     let body = (path.as_slice(), set.avatar.collision_faces());
     let may_go_on = watch.may_go_on();
-    let settled = drape_while(&set.cloth, &start, body, (&LAID, &may_go_on));
+    let settled = drape_along(&set.cloth, (&start, &along), body, (&LAID, &may_go_on));
     watch.go_on()?;
     // Where it does not end well, the way from the rest pose is left.
     Ok(settled.ok().filter(|s| faults(s) == 0).map(|s| s.verts))
