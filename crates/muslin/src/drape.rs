@@ -179,8 +179,9 @@ pub(crate) fn lay_outfit(
         let body = (path.as_slice(), avatar.collision_faces());
         // Networks that know little of a pose lead cloth into the body where it goes; going along with the skin it may not.
         let ways = [Some(&along[..]), None];
-        for along in ways.into_iter().take(path.len()) {
-            let mut dressed = settle((outfit, &worn), (&start, along), body, (LAID, watch))?;
+        let first = usize::from(strays(&path, &along));
+        for along in ways[first..].iter().take(path.len()) {
+            let mut dressed = settle((outfit, &worn), (&start, *along), body, (LAID, watch))?;
             if !dressed.quality.is_good() && dressed.quality.settled.body_intersections == 0 {
                 let here = (&path[path.len() - 1..], body.1);
                 let lies = &dressed.drape.frames[0];
@@ -195,6 +196,22 @@ pub(crate) fn lay_outfit(
         }
     }
     from_rest((avatar, sitter), (outfit, &worn), watch)
+}
+
+/// Cloth goes no farther than this many times the skin's way where its networks know the poses: up to 1.4 times where that
+/// ends well, from 1.5 times on where they do not.
+const ASTRAY: f64 = 1.5;
+
+/// Whether what goes farthest of cloth that goes `along` [m] with a path of the body goes so much farther than what goes
+/// farthest of the skin that its networks know little of the way.
+pub(crate) fn strays(path: &[Frame], along: &[Vec<DVec3>]) -> bool {
+    let farthest = |a: &[DVec3], b: &[DVec3]| {
+        let ways = a.iter().zip(b).map(|(a, b)| a.distance(*b));
+        ways.fold(0.0, f64::max)
+    };
+    let skin = path.windows(2).map(|f| farthest(&f[0].skin, &f[1].skin));
+    let cloth = along.windows(2).map(|c| farthest(&c[0], &c[1]));
+    cloth.sum::<f64>() > ASTRAY * skin.sum::<f64>()
 }
 
 /// Solves from `start` [m] along a path of the body, and along with what is known of the cloth there, and `watch`es.
@@ -389,5 +406,20 @@ mod tests {
             ..quality(0, 0)
         };
         assert!(!beyond.within_limits());
+    }
+
+    #[test]
+    fn cloth_strays_that_goes_much_farther_than_the_skin_in_all_but_not_in_one_step() {
+        let at = |x: f64| vec![DVec3::ZERO, DVec3::X * x];
+        let path: Vec<Frame> = [0.0, 0.1, 0.2, 0.3].map(|x| at(x).into()).into();
+        let goes = |ways: [f64; 4]| strays(&path, &ways.map(at));
+        assert!(!goes([0.0, 0.1, 0.2, 0.3]));
+        assert!(
+            !goes([0.0, 0.01, 0.31, 0.4]),
+            "a step of three times the skin's"
+        );
+        assert!(goes([0.0, 0.2, 0.31, 0.5]));
+        assert!(goes([0.0, 0.2, -0.1, 0.1]), "to and fro");
+        assert!(!strays(&path[..1], &[at(0.0)]), "no way");
     }
 }
