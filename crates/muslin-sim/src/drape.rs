@@ -137,19 +137,21 @@ pub fn drape_while(
     body: (&[Frame], &[[u32; 3]]),
     options: (&Options, GoOn<'_>),
 ) -> Result<Settled, SimError> {
-    awake(|| drape_inside(cloth, (start, &[]), body, options))
+    drape_along(cloth, (start, &[]), body, options)
 }
 
 /// [`drape_while`] of cloth that goes along as `laid` [m] goes from frame to frame of the path, not with the skin that it is
 /// next to, and slides freely until shortly after the body has arrived: a shirt's hem is not taken up by a thigh, nor held
-/// there.
+/// there. Where `laid` is empty this is [`drape_while`].
 pub fn drape_along(
     cloth: &Cloth,
     (start, laid): (&[DVec3], &[Vec<DVec3>]),
     body: (&[Frame], &[[u32; 3]]),
     options: (&Options, GoOn<'_>),
 ) -> Result<Settled, SimError> {
-    same("frames of laid cloth", laid.len(), body.0.len())?;
+    if !laid.is_empty() {
+        same("frames of laid cloth", laid.len(), body.0.len())?;
+    }
     for one in laid {
         same("laid cloth", one.len(), cloth.n_verts())?;
         finite("laid vertex", one)?;
@@ -197,7 +199,7 @@ fn drape_inside(
 struct Job<'j> {
     cloth: &'j Cloth,
     start: &'j [DVec3],
-    /// What it goes along with from frame to frame of the path [m], if not with the skin.
+    /// What it goes along with from frame to frame of the path [m]; empty if with the skin.
     laid: &'j [Vec<DVec3>],
     path: &'j [Frame],
     body_faces: &'j [[u32; 3]],

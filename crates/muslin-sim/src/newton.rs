@@ -342,6 +342,7 @@ mod tests {
         let rule = Rule {
             barrier: cloth_barrier,
             friction: &[0.3; 9],
+            grip: 1.0,
             stick: 5e-5,
             from: &target,
             pushed: None,

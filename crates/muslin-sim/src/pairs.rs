@@ -57,7 +57,7 @@ impl Pair {
             // Who is only about to meet has not pushed yet.
             None => f64::from(!self.is_coming()),
         };
-        let grip = self.press * rate * self.mean(rule.friction);
+        let grip = self.press * rate * self.mean(rule.friction) * rule.grip;
         let rub = Rub::new((self.normal(), self.gap(rule.from)), grip, rule.stick);
         Pair { rub, ..self }
     }
@@ -148,6 +148,8 @@ pub(crate) struct Rule<'a> {
     pub barrier: Barrier,
     /// Coulomb's coefficient at every vertex; a pair's is the mean of its sides'.
     pub friction: &'a [f64],
+    /// How much of it counts, of 1.
+    pub grip: f64,
     /// Slide that still counts as sticking [m].
     pub stick: f64,
     /// Where the cloth was when the step began [m].
@@ -262,6 +264,7 @@ mod tests {
                 stiffness: 150.0,
             },
             friction: &FRICTION,
+            grip: 1.0,
             stick: 3e-5,
             from,
             pushed,

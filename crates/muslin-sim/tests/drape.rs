@@ -345,6 +345,8 @@ fn cloth_that_is_led_stays_where_it_is_led_while_skin_slides_below() {
     };
     let carried = drape_while(&cloth, &start, body, how).expect("valid scene");
     assert!((went(&carried) - 0.08).abs() < 0.01, "{}", went(&carried));
+    let told_nothing = drape_along(&cloth, (&start, &[]), body, how).expect("valid scene");
+    assert!(told_nothing == carried);
     // It is thought to lie where it is, or to go the other way.
     for speed in [0.0, -0.005] {
         let laid = |k: usize| {

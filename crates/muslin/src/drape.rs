@@ -6,10 +6,8 @@ use muslin_energy::{hinge::Bend, membrane::Stretch};
 use muslin_garment::{Fabric, Garment, Worn};
 use muslin_geom::{Drape, Surface};
 use muslin_sim::{
-    BEYOND_LIMIT, Cloth, Frame, Material, Options, Settled, SimError, drape_along, drape_while,
-    stretch,
+    BEYOND_LIMIT, Cloth, Frame, Material, Options, Settled, SimError, drape_along, stretch,
 };
-use rayon::prelude::*;
 
 use crate::begin::begin;
 use crate::failure::{Exit, Failure};
@@ -142,7 +140,7 @@ fn from_rest(
     let start = places(worn);
     let path = sitter.path(avatar, &sitter.shares((0.0, TURN)));
     let body = (path.as_slice(), avatar.collision_faces());
-    settle((outfit, worn), (&start, None), body, (FROM_REST, watch))
+    settle((outfit, worn), (&start, &[]), body, (FROM_REST, watch))
 }
 
 /// Drapes an outfit on somebody from where trained garments say that it lies in the pose, or on the way
@@ -162,30 +160,30 @@ pub(crate) fn lay_outfit(
             let skin = &sitter.figure.verts[avatar.part(Part::Body)];
             Surface::new(skin, avatar.collision_faces())
         };
-        let lies = |share: f64| known.laid(&sitter.on_the_way(avatar, share));
         let faces = cloth(outfit, &worn).faces;
         let (share, start) = begin(&faces, (&rest, still), |share| {
-            let posed = avatar.pose(&sitter.figure, &sitter.on_the_way(avatar, share));
+            let pose = sitter.on_the_way(avatar, share);
+            let posed = avatar.pose(&sitter.figure, &pose);
             let skin = &posed.verts[avatar.part(Part::Body)];
             let skin = Surface::new(skin, avatar.collision_faces());
-            Some((lies(share)?, skin))
+            Some((known.laid(&pose)?, skin))
         })?;
         let shares = sitter.shares((share, TURN));
-        let along: Option<Vec<_>> = shares.par_iter().map(|share| lies(*share)).collect();
-        Some((shares, start, along?))
-    });
-    if let Some((shares, start, along)) = laid {
         let path = sitter.path(avatar, &shares);
+        let poses = |k: usize| sitter.on_the_way(avatar, shares[k]);
+        let along = known.along(&path, poses);
+        Some((start, path, along))
+    });
+    if let Some((start, path, along)) = laid {
         let body = (path.as_slice(), avatar.collision_faces());
-        // Networks that know little of a pose lead cloth into the body where it goes; going along with the skin it may not.
-        let ways = [Some(&along[..]), None];
-        let first = usize::from(strays(&path, &along));
-        for along in ways[first..].iter().take(path.len()) {
-            let mut dressed = settle((outfit, &worn), (&start, *along), body, (LAID, watch))?;
+        // What is led into the body may not come there with the skin.
+        let ways = [&along[..], &[]];
+        for along in &ways[usize::from(along.is_empty())..] {
+            let mut dressed = settle((outfit, &worn), (&start, along), body, (LAID, watch))?;
             if !dressed.quality.is_good() && dressed.quality.settled.body_intersections == 0 {
                 let here = (&path[path.len() - 1..], body.1);
                 let lies = &dressed.drape.frames[0];
-                dressed = settle((outfit, &worn), (lies, None), here, (LET_GO, watch))?;
+                dressed = settle((outfit, &worn), (lies, &[]), here, (LET_GO, watch))?;
             }
             if dressed.quality.is_good() {
                 return Ok(Dressed {
@@ -198,26 +196,10 @@ pub(crate) fn lay_outfit(
     from_rest((avatar, sitter), (outfit, &worn), watch)
 }
 
-/// Cloth goes no farther than this many times the skin's way where its networks know the poses: up to 1.4 times where that
-/// ends well, from 1.5 times on where they do not.
-const ASTRAY: f64 = 1.5;
-
-/// Whether what goes farthest of cloth that goes `along` [m] with a path of the body goes so much farther than what goes
-/// farthest of the skin that its networks know little of the way.
-pub(crate) fn strays(path: &[Frame], along: &[Vec<DVec3>]) -> bool {
-    let farthest = |a: &[DVec3], b: &[DVec3]| {
-        let ways = a.iter().zip(b).map(|(a, b)| a.distance(*b));
-        ways.fold(0.0, f64::max)
-    };
-    let skin = path.windows(2).map(|f| farthest(&f[0].skin, &f[1].skin));
-    let cloth = along.windows(2).map(|c| farthest(&c[0], &c[1]));
-    cloth.sum::<f64>() > ASTRAY * skin.sum::<f64>()
-}
-
-/// Solves from `start` [m] along a path of the body, and along with what is known of the cloth there, and `watch`es.
+/// Solves from `start` [m] along a path of the body, and `along` [m] with it where that is known, and `watch`es.
 fn settle(
     (outfit, worn): (&Outfit, &[Worn]),
-    (start, along): (&[DVec3], Option<&[Vec<DVec3>]>),
+    (start, along): (&[DVec3], &[Vec<DVec3>]),
     body: (&[Frame], &[[u32; 3]]),
     (options, watch): (Options, &Watch<'_>),
 ) -> Result<Dressed, Failure> {
@@ -229,11 +211,7 @@ fn settle(
         ..options
     };
     let go_on = watch.may_go_on();
-    let how = (&options, &go_on as &(dyn Fn() -> bool + Sync));
-    let settled = match along {
-        Some(along) => drape_along(&cloth, (start, along), body, how),
-        None => drape_while(&cloth, start, body, how),
-    };
+    let settled = drape_along(&cloth, (start, along), body, (&options, &go_on));
     // Where it stopped because it was asked to, that is the answer.
     watch.go_on()?;
     let settled = settled.map_err(|e| match e {
@@ -406,20 +384,5 @@ mod tests {
             ..quality(0, 0)
         };
         assert!(!beyond.within_limits());
-    }
-
-    #[test]
-    fn cloth_strays_that_goes_much_farther_than_the_skin_in_all_but_not_in_one_step() {
-        let at = |x: f64| vec![DVec3::ZERO, DVec3::X * x];
-        let path: Vec<Frame> = [0.0, 0.1, 0.2, 0.3].map(|x| at(x).into()).into();
-        let goes = |ways: [f64; 4]| strays(&path, &ways.map(at));
-        assert!(!goes([0.0, 0.1, 0.2, 0.3]));
-        assert!(
-            !goes([0.0, 0.01, 0.31, 0.4]),
-            "a step of three times the skin's"
-        );
-        assert!(goes([0.0, 0.2, 0.31, 0.5]));
-        assert!(goes([0.0, 0.2, -0.1, 0.1]), "to and fro");
-        assert!(!strays(&path[..1], &[at(0.0)]), "no way");
     }
 }

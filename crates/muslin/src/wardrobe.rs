@@ -7,6 +7,7 @@ use muslin_body::{Avatar, Figure, Pose, Sparse, names};
 use muslin_garment::Worn;
 use muslin_io::{read_weights, write_weights};
 use muslin_model::{Model, Player};
+use muslin_sim::Frame;
 use rayon::prelude::*;
 
 use crate::animate::{as_trained, decode_model, model_failure};
@@ -148,6 +149,17 @@ impl<'a> Known<'a> {
         }
     }
 
+    /// Where it lies with each frame of a path of the body in these `poses` [m]; empty if there is no way, or if next to
+    /// nothing is known of it.
+    pub fn along(&self, path: &[Frame], poses: impl Fn(usize) -> Pose + Sync) -> Vec<Vec<DVec3>> {
+        if path.len() < 2 {
+            return Vec::new();
+        }
+        let each = (0..path.len()).into_par_iter();
+        let laid: Option<Vec<_>> = each.map(|k| self.laid(&poses(k))).collect();
+        laid.filter(|laid| !strays(path, laid)).unwrap_or_default()
+    }
+
     /// Where it lies [m]; nothing if that is nowhere.
     pub fn laid(&self, pose: &Pose) -> Option<Vec<DVec3>> {
         let mut garments = Vec::with_capacity(self.pieces.len());
@@ -169,6 +181,22 @@ impl<'a> Known<'a> {
         }
         Some(stacked(garments.into_iter()))
     }
+}
+
+/// Cloth goes no farther than this many times the skin's way where its networks know the poses: up to 1.4 times where that
+/// ends well, from 1.5 times on where they do not.
+const ASTRAY: f64 = 1.5;
+
+/// Whether what goes farthest of cloth that goes `along` [m] with a path of the body goes so much farther than what goes
+/// farthest of the skin that its networks know little of the way.
+fn strays(path: &[Frame], along: &[Vec<DVec3>]) -> bool {
+    let farthest = |a: &[DVec3], b: &[DVec3]| {
+        let ways = a.iter().zip(b).map(|(a, b)| a.distance(*b));
+        ways.fold(0.0, f64::max)
+    };
+    let skin = path.windows(2).map(|f| farthest(&f[0].skin, &f[1].skin));
+    let cloth = along.windows(2).map(|c| farthest(&c[0], &c[1]));
+    cloth.sum::<f64>() > ASTRAY * skin.sum::<f64>()
 }
 
 /// The models of an outfit; nothing if one of its garments was not taught, or not in this cut.
@@ -350,5 +378,20 @@ mod tests {
             fault.hint.contains("tee") && fault.hint.contains("--model"),
             "{fault}"
         );
+    }
+
+    #[test]
+    fn cloth_strays_that_goes_much_farther_than_the_skin_in_all_but_not_in_one_step() {
+        let at = |x: f64| vec![DVec3::ZERO, DVec3::X * x];
+        let path: Vec<Frame> = [0.0, 0.1, 0.2, 0.3].map(|x| at(x).into()).into();
+        let goes = |ways: [f64; 4]| strays(&path, &ways.map(at));
+        assert!(!goes([0.0, 0.1, 0.2, 0.3]));
+        assert!(
+            !goes([0.0, 0.01, 0.31, 0.4]),
+            "a step of three times the skin's"
+        );
+        assert!(goes([0.0, 0.2, 0.31, 0.5]));
+        assert!(goes([0.0, 0.2, -0.1, 0.1]), "to and fro");
+        assert!(!strays(&path[..1], &[at(0.0)]), "no way");
     }
 }

@@ -498,16 +498,13 @@ impl Stage<'_> {
         let rule = Rule {
             barrier,
             friction: &self.weave.friction,
+            grip: self.grips.cloth,
             stick: STICK * h,
             from,
             pushed: self.pressed.as_ref().map(|p| &p.by_cloth[..]),
             fall,
         };
-        let mut pairs = pairs::gripping(&self.near.list, x, &rule);
-        pairs
-            .iter_mut()
-            .for_each(|p| p.rub.grip *= self.grips.cloth);
-        pairs
+        pairs::gripping(&self.near.list, x, &rule)
     }
 }
 

@@ -7,12 +7,12 @@ use glam::DVec3;
 use muslin_body::Pose;
 use muslin_geom::{Mesh, Surface, intersecting_pairs};
 use muslin_model::{Model, Player};
-use muslin_sim::{Frame, Guesses, Options, Refined, Settled, drape_along, drape_while, refine};
+use muslin_sim::{Frame, Guesses, Options, Refined, Settled, drape_along, refine};
 use rayon::prelude::*;
 
 use crate::anew::{Solved, faults, once_more, reach};
 use crate::begin::begin;
-use crate::drape::{LAID, NEARLY_THERE, strays};
+use crate::drape::{LAID, NEARLY_THERE};
 use crate::failure::{Exit, Failure};
 use crate::layers::{Lead, Predicted, stacked};
 use crate::simulate::reel::Reel;
@@ -213,21 +213,12 @@ fn led_in(
     let Some((share, start)) = laid else {
         return Ok(None);
     };
-    let way = pose(share)..=lead;
-    let along: Option<Vec<_>> = (way.clone().into_par_iter())
-        .map(|k| known.laid(&motion.poses[k]))
-        .collect();
-    let Some(along) = along else {
-        return Ok(None);
-    };
-    let path: Vec<Frame> = way.map(|k| set.frame(k)).collect();
+    let first = pose(share);
+    let path: Vec<Frame> = (first..=lead).map(|k| set.frame(k)).collect();
+    let along = known.along(&path, |k| motion.poses[first + k].clone());
     let body = (path.as_slice(), set.avatar.collision_faces());
     let may_go_on = watch.may_go_on();
-    let how = (&LAID, &may_go_on as &(dyn Fn() -> bool + Sync));
-    let settled = match strays(&path, &along) {
-        true => drape_while(&set.cloth, &start, body, how),
-        false => drape_along(&set.cloth, (&start, &along), body, how),
-    };
+    let settled = drape_along(&set.cloth, (&start, &along), body, (&LAID, &may_go_on));
     watch.go_on()?;
     // Where it does not end well, the way from the rest pose is left.
     Ok(settled.ok().filter(|s| faults(s) == 0).map(|s| s.verts))
