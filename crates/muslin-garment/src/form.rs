@@ -201,6 +201,15 @@ fn melt(a: (f64, DVec3), b: (f64, DVec3), k: f64) -> (f64, DVec3) {
     (near.0 - h * h * k / 4.0, g)
 }
 
+/// How far from a skin to draw a tube [m], less than nothing being within, so that what the tube and the skin grown by `gap` [m] melt
+/// into over a width `k` [m] is `away` [m] from the skin, or `gap` where that is more.
+///
+/// Where both are within `k` of it, their [`melt`] vanishes if the roots of their distances add up to that of `k`.
+pub(crate) fn melted(away: f64, gap: f64, k: f64) -> f64 {
+    let to_gap = (away - gap).clamp(0.0, k);
+    away.max(gap) - (k.sqrt() - to_gap.sqrt()).powi(2)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -216,6 +225,18 @@ mod tests {
             .collect();
         let axis = Axis::new(DVec3::ZERO, DVec3::Y, DVec3::Z);
         Tube::measure(axis, (0.0, 1.0), &ring)
+    }
+
+    #[test]
+    fn a_tube_so_drawn_melts_with_the_skin_to_where_it_should() {
+        let k = 0.015;
+        for (away, gap) in [(0.0048, 0.0042), (0.01, 0.004), (0.05, 0.004)] {
+            let (tube, skin) = (away - melted(away, gap, k), away - gap);
+            let there = melt((tube, DVec3::X), (skin, DVec3::X), k).0;
+            assert!(there.abs() < 1e-12, "{away}, {gap}: {there}");
+        }
+        // Never nearer than the gap, where the tube does not matter any more.
+        assert!((melted(0.002, 0.004, k) - (0.004 - k)).abs() < 1e-12);
     }
 
     fn cut_pipe(pipe: &Tube, out: DVec3, at: f64) -> Part<'_> {

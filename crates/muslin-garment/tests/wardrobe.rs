@@ -1,11 +1,12 @@
 //! The wardrobe's garments, on many bodies.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use muslin_body::{Avatar, Figure, Shape};
 use muslin_garment::{
     Cut, Dress, Garment, GarmentError, Opening, Outfit, Recipe, Skirt, Tee, Trousers, Worn,
 };
 use muslin_geom::{Mesh, Surface, intersecting_pairs, self_intersections};
+use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 fn avatar() -> &'static Avatar {
@@ -110,6 +111,53 @@ fn trousers_are_pinned_around_the_waist_and_a_tee_hangs_free() {
     assert_eq!(trousers().pins.len(), waist.verts.len());
     assert!(trousers().pins.len() > 40);
     assert!(tee().pins.is_empty());
+}
+
+/// What a tape around the trunk reads at a height [m].
+fn tape(figure: &Figure, y: f64) -> f64 {
+    let mut around: Vec<DVec2> = Vec::new();
+    for f in avatar().collision_faces() {
+        for k in 0..3 {
+            let [a, b] = [f[k], f[(k + 1) % 3]].map(|i| figure.verts[i as usize]);
+            if (a.y < y) != (b.y < y) {
+                let p = a.lerp(b, (y - a.y) / (b.y - a.y));
+                // Hands are farther out.
+                around.extend((p.x.abs() < 0.25).then_some(DVec2::new(p.x, p.z)));
+            }
+        }
+    }
+    let reach = |k: u32| {
+        let way = DVec2::from_angle(f64::from(k) * TAU / 360.0);
+        around.iter().map(|p| p.dot(way)).fold(f64::MIN, f64::max)
+    };
+    // Cauchy: the mean reach times 2 pi.
+    (0..360).map(reach).sum::<f64>() * TAU / 360.0
+}
+
+#[test]
+fn waistbands_are_as_wide_as_they_are_cut() {
+    let bodies = [
+        vec![],
+        vec![("gender", 1.0)],
+        vec![("gender", 0.0), ("weight", 0.3)],
+    ];
+    for traits in bodies {
+        let figure = figure(&traits);
+        for (garment, ease) in [(trousers(), 0.03), (skirt(), 0.02)] {
+            let worn = garment.worn(avatar(), &figure, &[]);
+            let worn = worn.expect("an embedded avatar");
+            let waist = garment.rims.iter().find(|r| r.opening == Opening::Waist);
+            let rim = &waist.expect("a waist").verts;
+            let at = |k: usize| worn.verts[rim[k % rim.len()] as usize];
+            let girth: f64 = (0..rim.len()).map(|k| at(k).distance(at(k + 1))).sum();
+            let height = (0..rim.len()).map(|k| at(k).y).sum::<f64>() / rim.len() as f64;
+            let more = girth - tape(&figure, height);
+            // Cloth is some 4 mm off the skin at least, 26 mm of girth, and a rim goes up and down a little.
+            let room = more - f64::max(ease, 0.026);
+            let what = || format!("{} of {traits:?}: {room}", garment.name);
+            assert!((0.0..0.02).contains(&room), "{}", what());
+        }
+    }
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Sixteen poses side by side, with all that does not change while the network learns.
 
+use std::ops::Range;
+
 use muslin_body::Pose;
 use muslin_model::Reader;
 
@@ -76,11 +78,53 @@ impl Pack {
     /// Whether the nearest skin, and cloth that meets cloth, are to be looked for: often at first, when the cloth moves
     /// much. Between these looks skin is followed from triangle to triangle.
     pub fn is_due(&self) -> bool {
-        self.is_new() || self.visits.is_multiple_of(16)
+        due_after(self.visits)
     }
 
     /// Whether cloth may still be anywhere.
     pub fn is_new(&self) -> bool {
-        matches!(self.visits, 0 | 2 | 6)
+        new_after(self.visits)
+    }
+}
+
+fn due_after(visits: u64) -> bool {
+    new_after(visits) || visits.is_multiple_of(16)
+}
+
+fn new_after(visits: u64) -> bool {
+    matches!(visits, 0 | 2 | 6)
+}
+
+/// How many of these steps meet packs that are due, where `each` of `packs` are met in a step and all of them in every
+/// round.
+pub(crate) fn looks(steps: &Range<u64>, packs: u64, each: u64) -> u64 {
+    let (packs, each) = (packs.max(1), each.max(1));
+    let met = |round: u64| (round * packs / each, ((round + 1) * packs - 1) / each + 1);
+    let rounds = steps.start * each / packs..steps.end * each / packs + 1;
+    let due = rounds.filter(|round| due_after(*round)).map(met);
+    let within = due.map(|(first, end)| end.min(steps.end).saturating_sub(first.max(steps.start)));
+    within
+        .sum::<u64>()
+        .min(steps.end.saturating_sub(steps.start))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn looks_are_counted_as_packs_are_met() {
+        for (packs, each) in [(5, 2), (125, 2), (4, 4), (3, 1)] {
+            // As a trainer does: all packs once a round, and a step where one of them is due looks.
+            let is_due = |step: u64| (step * each..(step + 1) * each).any(|k| due_after(k / packs));
+            for steps in [0..1, 0..40, 17..18, 30..400] {
+                let want = steps.clone().filter(|s| is_due(*s)).count() as u64;
+                assert_eq!(
+                    looks(&steps, packs, each),
+                    want,
+                    "{packs}, {each}, {steps:?}"
+                );
+            }
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! The step: poses, prediction, laws, and a better network.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use muslin_body::{Motion, Pose};
 use muslin_model::{Encoder, Model, Reader, Skin};
@@ -14,7 +15,7 @@ use crate::elastic::Elastic;
 use crate::factor::Factor;
 use crate::lanes::{LANES, Row};
 use crate::lesson::{Lesson, Plan};
-use crate::pack::Pack;
+use crate::pack::{Pack, looks};
 use crate::pool::thinned;
 use crate::prepare::{drivers, encoder, follow, packs, rescale, standardise};
 use crate::skinning::{Skinning, Whose};
@@ -320,6 +321,10 @@ impl<'a> Trainer<'a> {
 impl Training for Trainer<'_> {
     fn steps(&self) -> u64 {
         self.now.step
+    }
+
+    fn looks(&self, steps: Range<u64>) -> u64 {
+        looks(&steps, self.now.packs.len() as u64, self.plan.packs as u64)
     }
 
     fn step(&mut self) -> Result<Told, TrainError> {

@@ -1,6 +1,7 @@
 //! What trainings have in common.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use muslin_body::{Motion, Pose};
 use muslin_model::Model;
@@ -16,6 +17,12 @@ const MOST_BAD: u64 = 5;
 pub trait Training {
     /// Steps taken so far.
     fn steps(&self) -> u64;
+
+    /// How many of these steps look anew for what is near cloth, which takes several times as long as to follow it.
+    fn looks(&self, steps: Range<u64>) -> u64 {
+        let _ = steps;
+        0
+    }
 
     /// Learns from the next poses. A batch that is not finite is left out; six in a row are an
     /// error.

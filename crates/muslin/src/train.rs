@@ -375,7 +375,7 @@ impl School<'_, '_> {
         }
         let steps = self.options.steps;
         let mut last = log.last().unwrap_or_default();
-        let (mut pace, mut kept) = (Pace::new(trainer.steps()), Instant::now());
+        let (mut pace, mut kept) = (Pace::new(), Instant::now());
         while trainer.steps() < steps {
             safe.mind(trainer);
             match trainer.step() {
@@ -402,9 +402,10 @@ impl School<'_, '_> {
                 kept = Instant::now();
             }
             go.map_err(|f| stopped(f, course.part, trainer.steps(), steps))?;
-            let left = pace.left(trainer.steps(), steps, course.after);
+            let left = pace.left(trainer, steps, course.after);
+            let left = left.map_or(String::new(), |s| format!(", {s:.0} s left"));
             self.watch.progress(&format!(
-                "{}step {} of {steps}, {:.4} J a pose, stretch {:.4} J, {:.2} % of the cloth under the skin, {left:.0} s left",
+                "{}step {} of {steps}, {:.4} J a pose, stretch {:.4} J, {:.2} % of the cloth under the skin{left}",
                 course.kind, last.step, last.energies.total(), last.energies.membrane, last.under * 100.0
             ));
         }

@@ -70,13 +70,16 @@ impl Dress {
         tube.bridge(low, waist);
         tube.bridge(waist, shoulder + 0.42 * (top - shoulder));
         tube.widen(|y, girth| {
-            let below = ease(&knots, y, girth);
+            let below = ease(&knots, y, girth, AT_LEAST);
             below + (0.005 - below) * ramp(y, pit, shoulder)
         });
         tube.soften(3);
         tube
     }
 }
+
+/// Room around the body where the cut would leave less [m].
+const AT_LEAST: f64 = 0.006;
 
 /// How far above the skirt's upper edge the shirt is cut off, to be joined to it [m].
 const SEAM: f64 = 0.015;

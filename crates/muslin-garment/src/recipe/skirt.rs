@@ -1,7 +1,7 @@
 //! A skirt, and how any skirt falls from the waist.
 
-use super::{Cut, FigureRange, off_skin, shadow};
-use crate::form::{Form, Part};
+use super::{Cut, FigureRange, off_skin, ramp, shadow};
+use crate::form::{Form, Part, melted};
 use crate::pattern::Laid;
 use crate::sheet::Sheet;
 use crate::stand::Stand;
@@ -27,8 +27,8 @@ pub struct Skirt {
     pub edge: f64,
 }
 
-/// Room around body and legs where the cut would leave less [m].
-const AT_LEAST: f64 = 0.006;
+/// Width over which skirt and skin melt into each other [m].
+const BLEND: f64 = 0.015;
 
 impl Default for Skirt {
     fn default() -> Skirt {
@@ -83,7 +83,11 @@ impl Skirt {
         let falls = self.falls(stand, &tube, (hem, waist));
         // Above the hips the tape follows the body, so that the waistband does not gape.
         tube.bridge(low, falls[1].0);
-        tube.widen(|y, girth| ease(&falls, y, girth));
+        let gap = off_skin(self.edge);
+        tube.widen(|y, girth| {
+            let away = ease(&falls, y, girth, gap);
+            away + (melted(away, gap, BLEND) - away) * ramp(y, falls[1].0, waist)
+        });
         tube.soften(3);
         tube
     }
@@ -115,8 +119,9 @@ pub(super) fn hem(stand: &Stand, length: f64) -> f64 {
 /// A height and the girth wanted there [m].
 pub(super) type Knot = (f64, f64);
 
-/// How far to widen a station of some girth at height `y`, so that the girth follows `knots` [m].
-pub(super) fn ease(knots: &[Knot], y: f64, girth: f64) -> f64 {
+/// How far to widen a station of some girth at height `y`, so that the girth follows `knots` [m],
+/// `least` [m] at least.
+pub(super) fn ease(knots: &[Knot], y: f64, girth: f64, least: f64) -> f64 {
     let next = knots.iter().position(|k| y < k.0);
     let want = match next {
         Some(0) => knots[0].1,
@@ -126,7 +131,7 @@ pub(super) fn ease(knots: &[Knot], y: f64, girth: f64) -> f64 {
             at_low + (at_high - at_low) * (y - low) / (high - low)
         }
     };
-    ((want - girth) / TAU).max(AT_LEAST)
+    ((want - girth) / TAU).max(least)
 }
 
 /// A skirt on one body.
@@ -153,7 +158,7 @@ impl<'a> Plan<'a> {
         ];
         Form {
             parts,
-            blend: 0.015,
+            blend: BLEND,
         }
     }
 
@@ -176,7 +181,7 @@ mod tests {
     #[test]
     fn girths_follow_their_knots_but_never_strangle() {
         let knots = [(0.0, 2.0), (0.5, 1.0), (0.7, 0.8)];
-        let girth = |y: f64, body: f64| body + TAU * ease(&knots, y, body);
+        let girth = |y: f64, body: f64| body + TAU * ease(&knots, y, body, 0.006);
         assert!((girth(0.25, 0.9) - 1.5).abs() < 1e-12);
         assert!((girth(0.6, 0.5) - 0.9).abs() < 1e-12);
         assert!((girth(-0.1, 0.9) - 2.0).abs() < 1e-12 && (girth(0.9, 0.5) - 0.8).abs() < 1e-12);

@@ -1,7 +1,7 @@
 //! Trousers and shorts.
 
 use super::{Cut, FigureRange, Side, off_skin, ramp, shadow};
-use crate::form::{Form, Part, Wall};
+use crate::form::{Form, Part, Wall, melted};
 use crate::pattern::Laid;
 use crate::sheet::Sheet;
 use crate::stand::Stand;
@@ -36,6 +36,9 @@ impl Default for Trousers {
 
 /// Half the room between the legs [m]: triangles must find their way around the fold.
 const BETWEEN: f64 = 0.012;
+
+/// Width over which hips, legs and skin melt into each other [m].
+const BLEND: f64 = 0.015;
 
 /// What is nearer to the middle than this on the default body is no leg's but the seam's [m].
 const SEAM: f64 = 0.9 * BETWEEN;
@@ -103,10 +106,13 @@ impl Trousers {
             stand.crotch.y + self.rise * stand.scale() + 0.04,
         );
         let mut tube = stand.trunk_tube(low, top);
-        tube.bridge(low, top);
         let widest = (0..tube.len()).max_by(|&i, &j| tube.girth(i).total_cmp(&tube.girth(j)));
-        let (hip, waist) = (tube.at(widest.unwrap_or(0)), top - 0.04);
-        let (at_waist, at_hip) = (self.waist_ease / TAU, self.hip_ease / TAU);
+        let waist = top - 0.04;
+        let hip = tube.at(widest.unwrap_or(0)).min(waist - 0.04);
+        // Above the hips the tape follows the body, so that the waistband does not gape.
+        tube.bridge(low, hip);
+        let at_waist = melted(self.waist_ease / TAU, off_skin(self.edge), BLEND);
+        let at_hip = self.hip_ease / TAU;
         tube.widen(|y, _| {
             let t = if waist > hip + 0.02 {
                 ramp(y, hip, waist)
@@ -176,7 +182,7 @@ impl<'a> Plan<'a> {
         parts.push(Part::Skin(&self.stand.skin, off_skin(self.edge)));
         Form {
             parts,
-            blend: 0.015,
+            blend: BLEND,
         }
     }
 

@@ -2,6 +2,7 @@
 
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
 
 use muslin_body::Motion;
 use muslin_model::{CrowdError, Model};
@@ -477,6 +478,10 @@ impl OnDevice<'_> {
 impl Training for OnDevice<'_> {
     fn steps(&self) -> u64 {
         self.host.borrow().steps()
+    }
+
+    fn looks(&self, steps: Range<u64>) -> u64 {
+        self.host.borrow().looks(steps)
     }
 
     fn step(&mut self) -> Result<Told, TrainError> {

@@ -1,33 +1,62 @@
 //! How long a training takes yet.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::time::Instant;
 
-/// Steps whose time is remembered: the first look at every pose costs more than all that follow.
-const REMEMBERED: usize = 64;
+use muslin_train::Training;
 
-/// When steps were done.
-pub(super) struct Pace(VecDeque<(u64, Instant)>);
+/// Steps of a kind whose time is remembered: what is done now and then, such as factoring, is among so many.
+const REMEMBERED: usize = 160;
+
+/// How long the last steps took, those that follow what is near cloth and those that look for it.
+pub(super) struct Pace {
+    since: Instant,
+    took: [VecDeque<f64>; 2],
+}
 
 impl Pace {
-    /// Begins at that step.
-    pub fn new(step: u64) -> Self {
-        Self(VecDeque::from([(step, Instant::now())]))
-    }
-
-    /// Seconds until `steps` are done, and as many more that take `after` times as long each.
-    pub fn left(&mut self, done: u64, steps: u64, after: f64) -> f64 {
-        self.left_at((done, Instant::now()), steps, after)
-    }
-
-    fn left_at(&mut self, (done, now): (u64, Instant), steps: u64, after: f64) -> f64 {
-        self.0.push_back((done, now));
-        if self.0.len() > REMEMBERED {
-            self.0.pop_front();
+    pub fn new() -> Self {
+        Self {
+            since: Instant::now(),
+            took: [VecDeque::new(), VecDeque::new()],
         }
-        let (first, since) = self.0[0];
-        let each = (now - since).as_secs_f64() / done.saturating_sub(first).max(1) as f64;
-        each * ((steps - done) as f64 + after * steps as f64)
+    }
+
+    /// Takes in that a step was taken; gives the seconds until `steps` are, and as many more that take `after` times as long
+    /// each. None before it is known how long a step takes of each kind that is to come.
+    pub fn left(&mut self, trainer: &dyn Training, steps: u64, after: f64) -> Option<f64> {
+        let looks = |range| trainer.looks(range);
+        self.left_at((trainer.steps(), Instant::now()), (&looks, steps), after)
+    }
+
+    fn left_at(
+        &mut self,
+        (done, now): (u64, Instant),
+        (looks, steps): (&dyn Fn(Range<u64>) -> u64, u64),
+        after: f64,
+    ) -> Option<f64> {
+        let kind = usize::from(looks(done.saturating_sub(1)..done) > 0);
+        let took = &mut self.took[kind];
+        took.push_back((now - self.since).as_secs_f64());
+        self.since = now;
+        if took.len() > REMEMBERED {
+            took.pop_front();
+        }
+        let all = |range: Range<u64>| {
+            let looks = looks(range.clone());
+            [range.end - range.start - looks, looks]
+        };
+        let (here, there) = (all(done.min(steps)..steps), all(0..steps));
+        let mut left = 0.0;
+        for (k, took) in self.took.iter().enumerate() {
+            let n = here[k] as f64 + after * there[k] as f64;
+            if n > 0.0 && took.is_empty() {
+                return None;
+            }
+            left += n * took.iter().sum::<f64>() / took.len().max(1) as f64;
+        }
+        Some(left)
     }
 }
 
@@ -37,30 +66,36 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn what_is_left_goes_by_the_last_steps_and_counts_what_comes_after() {
-        let mut pace = Pace::new(0);
-        let (start, mut at) = (pace.0[0].1, 0.0);
-        let mut left = 0.0;
-        for step in 1..=200 {
-            // The first hundred cost ten times as much.
-            at += if step <= 100 { 5.0 } else { 0.5 };
-            let now = start + Duration::from_secs_f64(at);
-            left = pace.left_at((step, now), 1000, 0.0);
-            if step == 50 {
-                assert!((left - 950.0 * 5.0).abs() < 1e-6, "{left}");
-            }
-        }
-        assert!((left - 800.0 * 0.5).abs() < 1e-6, "{left}");
-        let now = start + Duration::from_secs_f64(at + 0.5);
-        let both = pace.left_at((201, now), 1000, 4.0);
-        assert!((both - (799.0 + 4000.0) * 0.5).abs() < 1e-6, "{both}");
+    /// Steps 0 to 9 of every hundred look: ten of them take as long as all others.
+    fn looks(steps: Range<u64>) -> u64 {
+        steps.filter(|s| s % 100 < 10).count() as u64
     }
 
     #[test]
-    fn a_training_that_went_back_still_has_a_pace() {
-        let mut pace = Pace::new(100);
-        let later = pace.0[0].1 + Duration::from_secs(10);
-        assert!(pace.left_at((50, later), 100, 0.0).is_finite());
+    fn what_is_left_knows_both_kinds_of_steps_and_counts_what_comes_after() {
+        let mut pace = Pace::new();
+        let (start, mut at) = (pace.since, 0.0);
+        for done in 1..=1000 {
+            at += if (done - 1) % 100 < 10 { 0.9 } else { 0.1 };
+            let now = start + Duration::from_secs_f64(at);
+            let left = pace.left_at((done, now), (&looks, 1000), 2.0);
+            // A thousand steps take 180 s.
+            let want = (done > 10).then_some(180.0 - at + 360.0);
+            match (left, want) {
+                (Some(left), Some(want)) => assert!((left - want).abs() < 1e-6, "{done}: {left}"),
+                (left, want) => assert_eq!(left, want, "{done}"),
+            }
+        }
+    }
+
+    #[test]
+    fn a_training_that_went_back_or_goes_beyond_still_has_a_pace() {
+        let mut pace = Pace::new();
+        let mut left = |done, seconds| {
+            let now = pace.since + Duration::from_secs(seconds);
+            pace.left_at((done, now), (&|_| 0, 100), 0.0)
+        };
+        assert_eq!([left(60, 2), left(50, 4)], [Some(80.0), Some(150.0)]);
+        assert_eq!(left(101, 1), Some(0.0));
     }
 }
