@@ -12,9 +12,10 @@ use std::process::Command;
 use crate::Outcome;
 
 /// Garments that are taught, and how steeply hard poses count for less.
-const NAMES: [(&str, &str); 4] = [
+const NAMES: [(&str, &str); 5] = [
     ("tee", "1.5"),
     ("trousers", "1.5"),
+    ("shorts", "1.5"),
     ("skirt", "1"),
     ("dress", "1.5"),
 ];

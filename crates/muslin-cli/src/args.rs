@@ -383,7 +383,7 @@ Examples:
 
 OUT.report.json says how good the result is.")]
 pub struct Animate {
-    /// Garments of the wardrobe, trained already: tee, trousers, skirt or dress; or GARMENT:FABRIC;
+    /// Garments of the wardrobe, trained already: tee, trousers, shorts, skirt or dress; or GARMENT:FABRIC;
     /// innermost first, repeated or comma-separated [default: tee].
     #[arg(
         long,

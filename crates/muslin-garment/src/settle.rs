@@ -29,6 +29,30 @@ pub(crate) enum Track {
 /// How many times as long as asked cloth is slid where it stays squeezed.
 const PARTS: usize = 6;
 
+/// Where more than one of so many triangles is squeezed, it is slid anew, firmly: on a tube a few triangles wide, as around a
+/// wrist, a gap of more than a right angle in a ring of vertices grows, for chords pull less than what is around.
+const MANY: usize = 50;
+
+/// How vertices go to the middle of their neighbours: which share of the way, and whether longer edges pull harder.
+#[derive(Clone, Copy, Debug)]
+struct Slide {
+    share: f64,
+    firm: bool,
+}
+
+const LOOSELY: Slide = Slide {
+    share: 0.8,
+    firm: false,
+};
+const FIRMLY: Slide = Slide {
+    share: 0.3,
+    firm: true,
+};
+const STILL: Slide = Slide {
+    share: 0.0,
+    firm: false,
+};
+
 /// How often cloth that crosses itself is spread anew, how far around the place [m], as much more each
 /// time, and how often each vertex goes to the middle of its neighbours.
 const SPREADS: usize = 4;
@@ -86,18 +110,16 @@ impl Net {
     /// crossing they are drawn out of it, as a film would span the place, and led back slowly.
     /// `tracks` has one entry per loop.
     pub fn settle(&self, form: &Form, x: &mut [DVec3], tracks: &[Track], times: usize) {
-        let mut near = vec![Near::default(); x.len()];
-        let mut squeezed = usize::MAX;
-        for part in 0..PARTS {
-            for round in 0..times {
-                let steps = if part + round < 2 { 8 } else { 1 };
-                self.round(form, x, tracks, &mut near, (0.8, steps));
+        let (start, mut near) = (x.to_vec(), vec![Near::default(); x.len()]);
+        let squeezed = self.even_out(form, x, (tracks, times), (&mut near, LOOSELY));
+        if squeezed > self.faces.len() / MANY {
+            let mut other = start;
+            near.fill(Near::default());
+            self.even_out(form, &mut other, (tracks, times), (&mut near, FIRMLY));
+            if self.crossing(&other).len() < self.crossing(x).len() {
+                x.copy_from_slice(&other);
             }
-            let now = self.squeezed(x);
-            if now <= self.faces.len() / 1500 || now >= squeezed {
-                break;
-            }
-            squeezed = now;
+            near.fill(Near::default());
         }
         self.land(form, x, tracks, &mut near);
         let mut crossing = self.crossing(x);
@@ -118,10 +140,33 @@ impl Net {
         }
     }
 
+    /// Slides as [`Net::settle`] does, `times` times at once; says how many triangles are squeezed in the end.
+    fn even_out(
+        &self,
+        form: &Form,
+        x: &mut [DVec3],
+        (tracks, times): (&[Track], usize),
+        (near, slide): (&mut [Near], Slide),
+    ) -> usize {
+        let mut squeezed = usize::MAX;
+        for part in 0..PARTS {
+            for round in 0..times {
+                let steps = if part + round < 2 { 8 } else { 1 };
+                self.round(form, x, tracks, near, (slide, steps));
+            }
+            let now = self.squeezed(x);
+            if now <= self.faces.len() / 1500 || now >= squeezed {
+                return now;
+            }
+            squeezed = now;
+        }
+        squeezed
+    }
+
     /// Brings the mesh onto the form where it is.
     fn land(&self, form: &Form, x: &mut [DVec3], tracks: &[Track], near: &mut [Near]) {
         for _ in 0..3 {
-            self.round(form, x, tracks, near, (0.0, 8));
+            self.round(form, x, tracks, near, (STILL, 8));
         }
     }
 
@@ -132,7 +177,7 @@ impl Net {
         x: &mut [DVec3],
         tracks: &[Track],
         near: &mut [Near],
-        (share, steps): (f64, usize),
+        (slide, steps): (Slide, usize),
     ) {
         let old = &*x;
         let mut new = old.to_vec();
@@ -140,7 +185,11 @@ impl Net {
             .zip(near)
             .enumerate()
             .for_each(|(i, (p, near))| {
-                *p += self.step(i, old) * share;
+                let step = match slide.firm {
+                    true => self.firm_step(i, old),
+                    false => self.step(i, old),
+                };
+                *p += step * slide.share;
                 *p = match self.rim[i].map(|r| tracks[r.1]) {
                     None | Some(Track::Free) => form.project(*p, steps, near),
                     Some(Track::Plane(at, across)) => {
@@ -232,6 +281,18 @@ impl Net {
         let ring = &self.neighbours[i];
         let sum: DVec3 = ring.iter().map(|&j| x[j as usize]).sum();
         sum / ring.len().max(1) as f64 - x[i]
+    }
+
+    /// As [`Net::step`], but that longer edges pull harder, so that no gap opens in a ring of few.
+    fn firm_step(&self, i: usize, x: &[DVec3]) -> DVec3 {
+        if self.rim[i].is_some() {
+            return self.step(i, x);
+        }
+        let all = self.neighbours[i].iter().map(|&j| x[j as usize] - x[i]);
+        let (sum, weight) = all.fold((DVec3::ZERO, 1e-12), |(sum, weight), d| {
+            (sum + d * d.length(), weight + d.length())
+        });
+        sum / weight
     }
 
     /// Rounds off the rims that are not cut by a plane, without shrinking them.

@@ -432,6 +432,37 @@ fn a_dress_is_one_piece_from_neck_to_knee() {
     assert!((0.8..1.1).contains(&length), "{length}");
 }
 
+/// A wrist is seven edges of 25 mm around.
+#[test]
+fn long_sleeves_keep_their_shape_however_large_the_triangles() {
+    let area = |edge: f64| {
+        let garment = made(Recipe::Tee(Tee {
+            sleeve: 1.9,
+            edge,
+            ..Tee::default()
+        }));
+        let worn = garment.worn(avatar(), &figure(&[]), &[]);
+        let worn = worn.expect("an embedded avatar");
+        let mesh = Mesh {
+            verts: worn.verts,
+            faces: garment.faces,
+        };
+        let crossing = self_intersections(&mesh).len();
+        assert!(crossing < 10, "edge {edge}: {crossing}");
+        let corners = |f: &[u32; 3]| f.map(|i| mesh.verts[i as usize]);
+        let twice = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).length();
+        mesh.faces
+            .iter()
+            .map(|f| twice(corners(f)) / 2.0)
+            .sum::<f64>()
+    };
+    let fine = area(0.014);
+    for edge in [0.022, 0.025] {
+        let share = area(edge) / fine;
+        assert!((0.93..1.07).contains(&share), "edge {edge}: {share}");
+    }
+}
+
 #[test]
 fn looser_cuts_take_more_cloth() {
     let area = |cut: Cut| {
