@@ -201,8 +201,9 @@ fn melt(a: (f64, DVec3), b: (f64, DVec3), k: f64) -> (f64, DVec3) {
     (near.0 - h * h * k / 4.0, g)
 }
 
-/// How far from a skin to draw a tube [m], less than nothing being within, so that what the tube and the skin grown by `gap` [m] melt
-/// into over a width `k` [m] is `away` [m] from the skin, or `gap` where that is more.
+/// How far from a skin to draw a tube [m], less than nothing being within, so that what the tube and the
+/// skin grown by `gap` [m] melt into over a width `k` [m] is `away` [m] from the skin, or `gap` where that
+/// is more.
 ///
 /// Where both are within `k` of it, their [`melt`] vanishes if the roots of their distances add up to that of `k`.
 pub(crate) fn melted(away: f64, gap: f64, k: f64) -> f64 {

@@ -13,7 +13,7 @@ use std::f64::consts::TAU;
 /// it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skirt {
-    /// Girth beyond the waist's [m].
+    /// Girth beyond the waist's [m]; cloth lies some 4 mm off the skin at least.
     pub waist_ease: f64,
     /// Girth beyond the hips' [m].
     pub hip_ease: f64,

@@ -12,7 +12,7 @@ use std::f64::consts::TAU;
 /// Straight trousers, held at the waist. Lengths are those of the average body and grow with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trousers {
-    /// Girth beyond the waist's [m].
+    /// Girth beyond the waist's [m]; cloth lies some 4 mm off the skin at least.
     pub waist_ease: f64,
     /// Girth beyond the hips' [m].
     pub hip_ease: f64,
@@ -113,14 +113,7 @@ impl Trousers {
         tube.bridge(low, hip);
         let at_waist = melted(self.waist_ease / TAU, off_skin(self.edge), BLEND);
         let at_hip = self.hip_ease / TAU;
-        tube.widen(|y, _| {
-            let t = if waist > hip + 0.02 {
-                ramp(y, hip, waist)
-            } else {
-                1.0
-            };
-            at_hip + (at_waist - at_hip) * t
-        });
+        tube.widen(|y, _| at_hip + (at_waist - at_hip) * ramp(y, hip, waist));
         tube.soften(3);
         tube
     }
