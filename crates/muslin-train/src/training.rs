@@ -19,8 +19,7 @@ pub trait Training {
     fn steps(&self) -> u64;
 
     /// How many of these steps look anew for what is near cloth, which takes several times as long as to follow it.
-    fn looks(&self, steps: Range<u64>) -> u64 {
-        let _ = steps;
+    fn looks(&self, _steps: Range<u64>) -> u64 {
         0
     }
 
