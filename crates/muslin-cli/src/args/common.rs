@@ -1,0 +1,177 @@
+//! What several verbs share: a body, its clothes, how a film is made, and how a job is told.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use muslin::{Backdrop, Bake, Cut, DressOptions, SimulateOptions, Size, Wear};
+
+/// The name of the embedded body.
+pub(super) const OWN: &str = "anny";
+
+/// The character's file, if it is not the embedded body.
+pub(super) fn character(body: &Path) -> Option<PathBuf> {
+    (body.as_os_str() != OWN).then(|| body.to_owned())
+}
+
+/// A body's build and its garments' size, as far as they are asked for.
+#[derive(Debug, Args)]
+pub struct Build {
+    /// Standing height [cm]; kept exactly.
+    #[arg(long)]
+    pub height: Option<f64>,
+    /// Body weight [kg].
+    #[arg(long)]
+    pub weight: Option<f64>,
+    /// From 0 (male) to 1 (female) on the body's own scale.
+    #[arg(long)]
+    pub gender: Option<f64>,
+    /// What the garments' label says, whoever wears them: XS, S, M, L, XL or XXL (EN 13402-3, by the chest)
+    /// [default: made to measure; on our own body a garment of a file has the size of its file].
+    #[arg(long, value_parser = Size::parse)]
+    pub size: Option<Size>,
+}
+
+impl Build {
+    /// The `other` options with this build.
+    pub(super) fn of(&self, other: DressOptions) -> DressOptions {
+        DressOptions {
+            height: self.height.map(|cm| cm / 100.0),
+            weight: self.weight,
+            gender: self.gender,
+            size: self.size,
+            ..other
+        }
+    }
+}
+
+/// A body and its clothes.
+#[derive(Debug, Args)]
+pub struct Wearing {
+    /// Garment or file (.json pattern, .obj mesh), or GARMENT:FABRIC; innermost first, repeated or comma-separated
+    /// [default: trousers,tee; a tee for `simulate`].
+    #[arg(long, visible_alias = "outfit", value_delimiter = ',')]
+    pub garment: Vec<String>,
+    /// Fabric of every garment that names none (see `muslin list fabrics`), or a file of your own:
+    /// TOML, or the physics of a U3M or U3MA.
+    #[arg(long)]
+    pub fabric: Option<String>,
+    /// Whose body.
+    #[command(flatten)]
+    pub build: Build,
+    /// How loosely the garments are cut.
+    #[arg(long, value_enum, default_value_t = CutName::Regular)]
+    pub cut: CutName,
+    /// Triangle edge of the garments [mm], 5 to 25.
+    #[arg(long, default_value_t = 12.0)]
+    pub edge: f64,
+    /// Write the result even if the cloth crosses itself somewhere.
+    #[arg(long)]
+    pub allow_crossings: bool,
+    /// What lies behind the figure.
+    #[arg(long, value_enum, default_value_t = BackdropName::Studio)]
+    pub backdrop: BackdropName,
+}
+
+impl Wearing {
+    /// The same in the library's words; what is not asked for is as in `usual`.
+    pub(super) fn options(&self, usual: DressOptions) -> DressOptions {
+        let mut options = DressOptions {
+            cut: match self.cut {
+                CutName::Slim => Cut::Slim,
+                CutName::Regular => Cut::Regular,
+                CutName::Loose => Cut::Loose,
+            },
+            edge: self.edge / 1000.0,
+            allow_crossings: self.allow_crossings,
+            backdrop: self.backdrop.into(),
+            ..self.build.of(usual)
+        };
+        if !self.garment.is_empty() {
+            options.outfit = self.garment.iter().map(|g| Wear::parse(g)).collect();
+        }
+        for wear in &mut options.outfit {
+            wear.fabric = wear.fabric.take().or_else(|| self.fabric.clone());
+        }
+        options
+    }
+}
+
+/// Names of [`Cut`].
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum CutName {
+    /// Close to the body.
+    Slim,
+    /// As sold by default.
+    Regular,
+    /// Wide.
+    Loose,
+}
+
+/// Names of [`Backdrop`].
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum BackdropName {
+    /// A soft studio wall and floor.
+    Studio,
+    /// White, with a shadow.
+    White,
+    /// Transparent pixels.
+    Transparent,
+}
+
+impl From<BackdropName> for Backdrop {
+    fn from(name: BackdropName) -> Self {
+        match name {
+            BackdropName::Studio => Backdrop::Studio,
+            BackdropName::White => Backdrop::White,
+            BackdropName::Transparent => Backdrop::Transparent,
+        }
+    }
+}
+
+/// What a job prints.
+#[derive(Debug, Args)]
+pub struct Telling {
+    /// Print the report on standard output instead of the table.
+    #[arg(long)]
+    pub json: bool,
+    /// No progress on standard error.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// What of a motion is made, and how an animation is written.
+#[derive(Debug, Args)]
+pub struct Shot {
+    /// How garments are written in the animation: `frames` (each exactly as it is, a morph target),
+    /// `morphs[:N]` (N targets that are mixed, else 32, above a few bones: a small file for the web) or
+    /// `bones[:N]` (N bones of the garment's own, else 128, and no target: for phones and engines). Skin
+    /// that stays covered is left out of a baked file.
+    #[arg(long, value_name = "HOW", default_value = "frames", value_parser = Bake::parse)]
+    pub bake: Bake,
+    /// Also draw the last frame (OUT.png) and a film (OUT.film.png, animated).
+    #[arg(long)]
+    pub picture: bool,
+    /// Let the film's camera go around the body once, as on a turntable.
+    #[arg(long, requires = "picture")]
+    pub turn: bool,
+    /// How much of the motion [s] [default: all].
+    #[arg(long)]
+    pub seconds: Option<f64>,
+    /// Where in the motion to start [s].
+    #[arg(long, default_value_t = 0.0)]
+    pub start: f64,
+}
+
+impl Shot {
+    /// Its part of the library's options.
+    pub(super) fn of(&self, options: SimulateOptions) -> SimulateOptions {
+        SimulateOptions {
+            bake: self.bake,
+            picture: self.picture,
+            turn: self.turn,
+            seconds: self.seconds,
+            start: self.start,
+            ..options
+        }
+    }
+}
