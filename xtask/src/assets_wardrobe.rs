@@ -12,8 +12,9 @@ use std::process::Command;
 use crate::Outcome;
 
 /// Garments that are taught, and how steeply hard poses count for less.
-const NAMES: [(&str, &str); 5] = [
+const NAMES: [(&str, &str); 6] = [
     ("tee", "1.5"),
+    ("long-sleeve", "1.5"),
     ("trousers", "1.5"),
     ("shorts", "1.5"),
     ("skirt", "1"),

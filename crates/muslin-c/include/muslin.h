@@ -26,8 +26,8 @@ typedef struct muslin_garment muslin_garment;
 
 /* Who wears what. Zero it, then set what matters: what is zero is as the model was taught. */
 typedef struct muslin_wear {
-    const char *garment; /* of the wardrobe ("tee", "trousers", "shorts", "skirt", "dress"), where no model is given; or
-                          * the file of the garment that the model is of */
+    const char *garment; /* of the wardrobe, as `muslin list garments` names it, where no model is given; or the file of the
+                          * garment that the model is of */
     const char *fabric;  /* as `muslin list fabrics` names it, or a file of yours */
     const char *size;    /* "XS" to "XXL"; made to measure where the model was */
     double height;       /* [m] */

@@ -90,7 +90,7 @@ fn garments_of_the_wardrobe_are_played_one_over_the_other() {
 #[test]
 fn what_is_not_in_the_wardrobe_is_said_with_what_is() {
     let folder = Folder::new("no-such-model");
-    let (code, _, said) = play(&folder, &["--garment", "long-sleeve"]);
+    let (code, _, said) = play(&folder, &["--garment", "poncho"]);
     assert_eq!(code, Some(2), "{said}");
     assert!(
         said.contains("muslin train") && said.contains("--model"),

@@ -44,6 +44,9 @@ pub struct Guesses<'a> {
     /// Whether the first frame is led on until it lies still, in however many steps: else it would come to rest before
     /// everybody's eyes.
     pub begins_at_rest: bool,
+    /// Whether a first frame that is not clean is all that is made: who asks will begin elsewhere. What crosses itself once it
+    /// was led is then not led on until it lies still, for it does not come free by that.
+    pub or_none: bool,
 }
 
 /// How many times as many steps the first of some frames needs: it knows of no frame before it.
@@ -201,7 +204,8 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                 for _ in 0..times * guesses.steps {
                     stage.step(&self.pace)?;
                 }
-                if i == 0 && guesses.begins_at_rest {
+                let is_vain = i == 0 && guesses.or_none && !stage.in_itself().is_empty();
+                if i == 0 && guesses.begins_at_rest && !is_vain {
                     settle(stage, &self.pace, go_on)?;
                 }
                 if swings {
@@ -243,6 +247,9 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                 asleep = Some(refined.clone());
             }
             (self.deliver)(refined);
+            if i == 0 && guesses.or_none && !is_clean {
+                break;
+            }
         }
         Ok(())
     }

@@ -354,12 +354,18 @@ fn thickness(skin: &Surface, i: usize) -> f64 {
     best * FAR
 }
 
+/// How deep the flesh behind a vertex is [m]: as far as to its core, or half as deep as the body is thick there. `cores`: as
+/// in [`Frame`].
+pub(crate) fn depth(skin: &Surface, cores: &[DVec3], i: usize) -> f64 {
+    match cores.get(i) {
+        Some(core) => core.distance(skin.verts()[i]),
+        None => 0.5 * thickness(skin, i),
+    }
+}
+
 /// Whether there is flesh behind a vertex that can yield. `cores`: as in [`Frame`].
 pub(crate) fn is_soft(skin: &Surface, cores: &[DVec3], i: usize) -> bool {
-    match cores.get(i) {
-        Some(core) => core.distance(skin.verts()[i]) >= SOFT,
-        None => thickness(skin, i) >= THIN,
-    }
+    depth(skin, cores, i) >= SOFT
 }
 
 /// Normals of the vertices that are `asked`, averaged over two rings, so that neighbours draw back side by side; zero

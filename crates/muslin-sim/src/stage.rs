@@ -54,6 +54,8 @@ pub(crate) struct Stage<'a> {
     pub poked: Vec<u32>,
     /// Vertices of the skin that might poke through between two vertices of the cloth.
     thin: Vec<u32>,
+    /// How far each vertex of the skin may move past nearby cloth in one piece of its way [m], where that is known.
+    strides: Vec<f64>,
     /// Faces that the body ever came through, where that is asked for: cloth pulled tight round an elbow needs
     /// them all until it rests.
     met: Option<Vec<u32>>,
@@ -126,7 +128,8 @@ const WATCHED: f64 = 4e-3;
 const FASTEST: f64 = 0.008;
 /// No vertex of a moving body's cloth starts a step faster than this [m/s].
 const TOP_SPEED: f64 = 30.0;
-/// The same where it is thin: farther in, the nearest skin would be that of its other side.
+/// The same where it is thinnest, as a finger: farther in, the nearest skin would be that of its other side. In between it is
+/// the less the thinner it is.
 const FASTEST_THIN: f64 = 0.003;
 /// Last steps of cloth that came to rest in haste.
 const THOROUGH: usize = 2;
@@ -167,6 +170,7 @@ impl<'a> Stage<'a> {
             tangled: vec![false; start.len()],
             poked: Vec::new(),
             thin: Vec::new(),
+            strides: Vec::new(),
             met: None,
             wedged: false,
             grips: Grips::ALL,
@@ -181,11 +185,17 @@ impl<'a> Stage<'a> {
     }
 
     /// From now on, where thin parts of the body come near the cloth it touches with its faces, not
-    /// with its vertices alone. `cores`: as in [`relief::Frame`].
+    /// with its vertices alone, and they move past it in smaller pieces of their way. `cores`: as in [`relief::Frame`].
     pub fn watch_thin(&mut self, cores: &[DVec3]) {
         let skin = &self.body.now;
-        let thin = |i: &u32| !relief::is_soft(skin, cores, *i as usize);
-        self.thin = (0..skin.verts().len() as u32).filter(thin).collect();
+        let depths = ordered::map(skin.verts().len(), |i| relief::depth(skin, cores, i));
+        let all = (0..).zip(&depths);
+        self.thin = all
+            .filter(|(_, depth)| **depth < relief::SOFT)
+            .map(|(i, _)| i)
+            .collect();
+        let stride = |depth: f64| (FASTEST * depth / relief::SOFT).clamp(FASTEST_THIN, FASTEST);
+        self.strides = depths.into_iter().map(stride).collect();
     }
 
     /// From now on cloth touches with the insides of its faces, too, wherever the body once came through one.
@@ -275,10 +285,7 @@ impl<'a> Stage<'a> {
         let skin = self.body.now.verts();
         let needed = ordered::map(skin.len(), |i| {
             let around = Aabb::of(&[skin[i]]).grown(NEARBY);
-            let allowed = match self.thin.binary_search(&(i as u32)) {
-                Ok(_) => FASTEST_THIN,
-                Err(_) => FASTEST,
-            };
+            let allowed = self.strides.get(i).copied().unwrap_or(FASTEST);
             let (mut most, mut normal) = (allowed, None);
             if all.overlaps(&around) {
                 tree.near(&around, |f| {

@@ -92,6 +92,7 @@ impl Scene {
             steps,
             inertia: 0.0,
             begins_at_rest: false,
+            or_none: false,
         };
         let mut out = Vec::new();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
@@ -215,6 +216,7 @@ fn strip(inertia: f64, pinched: Option<usize>) -> Vec<Refined> {
         steps: 5,
         inertia,
         begins_at_rest: false,
+        or_none: false,
     };
     let options = Options {
         pin: 500.0,
@@ -300,6 +302,7 @@ fn cloth_that_swings_is_within_its_limit_from_the_first_frame_on() {
             steps: 5,
             inertia,
             begins_at_rest: false,
+            or_none: false,
         };
         let mut first = None;
         let deliver = |r: Refined| {
@@ -353,6 +356,7 @@ fn hung(stands: usize, begins_at_rest: bool, wind: f64) -> Vec<Vec<DVec3>> {
         steps: 5,
         inertia: 1.0,
         begins_at_rest,
+        or_none: false,
     };
     let mut out = Vec::new();
     let deliver = |r: Refined| out.push(r.verts);
@@ -383,4 +387,65 @@ fn cloth_that_begins_at_rest_sets_off_with_a_body_in_motion() {
     let x = hung(1, true, 0.0);
     let hem = x[1][1].x - x[0][1].x;
     assert!((hem - 0.01).abs() < 1e-3, "{hem} m");
+}
+
+#[test]
+fn a_first_frame_that_crosses_itself_is_not_led_to_rest_where_it_is_no_use() {
+    // Two sheets through each other, all their edges held.
+    const N: usize = 6;
+    let side = 0.01 * N as f64;
+    let (flat, faces) = grid(DVec2::splat(side), [N, N]);
+    let n = flat.len();
+    let lies = flat.iter().map(|p| DVec3::new(p.x, 0.47 * side, p.y));
+    let stands = flat.iter().map(|p| DVec3::new(p.x, p.y, 0.52 * side));
+    let guess: Vec<DVec3> = lies.chain(stands).collect();
+    let other = faces.iter().map(|f| f.map(|v| v + n as u32));
+    let both: Vec<[u32; 3]> = faces.iter().copied().chain(other).collect();
+    let corners = faces.iter().map(|f| f.map(|i| flat[i as usize]));
+    let mut cloth = cut(
+        2 * n,
+        both,
+        corners.clone().chain(corners).collect(),
+        cotton(),
+    );
+    let at_edge = |p: &DVec2| p.min_element() < 1e-9 || p.max_element() > side - 1e-9;
+    let held = (0..n).filter(|i| at_edge(&flat[*i]));
+    cloth.pins = held.flat_map(|i| [i as u32, (i + n) as u32]).collect();
+    let far = DVec3::Y * 0.5;
+    let (rest, faces) = capsule(far, far + DVec3::Z * 1e-6, 0.01, 12);
+    let at = |_: usize| Frame::from(rest.clone());
+    let walk = Walk {
+        faces: &faces,
+        rest: &rest,
+        frames: 2,
+        lead: 0,
+        fps: 30.0,
+        at: &at,
+    };
+    let led = |or_none: bool| {
+        let guesses = Guesses {
+            begun: None,
+            frames: &[guess.clone(), guess.clone()],
+            first: 0,
+            steps: 5,
+            inertia: 1.0,
+            begins_at_rest: true,
+            or_none,
+        };
+        let mut out = Vec::new();
+        let deliver = |r: Refined| out.push((r.self_crossings, r.steps));
+        let how = (
+            &walk,
+            &Options::USUAL,
+            &(|| true) as &(dyn Fn() -> bool + Sync),
+        );
+        refine(&cloth, &guesses, how, deliver).expect("valid");
+        out
+    };
+    let (all, none) = (led(false), led(true));
+    assert!(all.len() == 2 && all[0].1 > 15, "{all:?}");
+    assert!(
+        none.len() == 1 && none[0].0 > 0 && none[0].1 == 15,
+        "{none:?}"
+    );
 }

@@ -21,7 +21,7 @@ Examples:
 
 OUT.report.json says how good the result is.")]
 pub struct Animate {
-    /// Garments of the wardrobe, trained already: tee, trousers, shorts, skirt or dress; or GARMENT:FABRIC;
+    /// Garments of the wardrobe, trained already (see `muslin list garments`), or GARMENT:FABRIC;
     /// innermost first, repeated or comma-separated [default: tee].
     #[arg(
         long,

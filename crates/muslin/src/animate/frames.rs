@@ -1,6 +1,5 @@
 //! Frames of a model, as predicted and as the solver leaves them.
 
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 use glam::DVec3;
@@ -152,22 +151,16 @@ fn led(
         steps,
         inertia,
         begins_at_rest: begins.at_rest,
+        or_none: begins.or_none,
     };
-    let (asked, in_vain) = (watch.may_go_on(), AtomicBool::new(false));
-    let may_go_on = || asked() && !in_vain.load(Relaxed);
+    let may_go_on = watch.may_go_on();
     let mut out = Vec::with_capacity(raw.len());
     let deliver = |r: Refined| {
         out.push(Solved::from(r));
-        if begins.or_none && out.len() == 1 && out[0].faults > 0 {
-            in_vain.store(true, Relaxed);
-        }
         watch.progress(&format!("frame {} of {}", out.len(), raw.len()));
     };
     let ended = refine(&set.cloth, &guesses, (&walk, &options, &may_go_on), deliver);
     watch.go_on()?;
-    if in_vain.into_inner() {
-        return Ok(out);
-    }
     ended.map_err(|e| Failure::new(Exit::Numbers, "refine", e.to_string()))?;
     Ok(out)
 }

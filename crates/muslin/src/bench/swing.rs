@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn garments_that_are_shipped_swing_alike_whichever_way_they_face() {
         let avatar = Avatar::embedded().expect("the embedded body decodes");
-        for garment in ["tee", "trousers", "shorts", "skirt", "dress"] {
+        for (garment, _) in wardrobe::TAUGHT {
             let model = wardrobe::model(garment).expect("it is shipped");
             let worn = DressOptions::default();
             let walk = (Path::new("walk"), FPS, &worn);
