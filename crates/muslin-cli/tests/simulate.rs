@@ -296,10 +296,11 @@ fn bad_input_ends_with_its_code_a_hint_and_no_file() {
     let smpl = write(&[("poses", Array::f32(&[1, 3], vec![0.0; 3]))]).expect("finite");
     let smpl = folder.put("smpl.npz", &smpl);
     let text = folder.put("text.bvh", b"nothing of the kind");
+    let glb = folder.put("idle.vrma", b"glTF\x02\0\0\0");
     let whole = recording();
     let cut = folder.put("cut.bvh", &whole.as_bytes()[..whole.len() / 2]);
     let (missing, left) = (folder.at("missing.bvh"), folder.names());
-    let cases: [(&[&str], i32, &str); 15] = [
+    let cases: [(&[&str], i32, &str); 16] = [
         (&["--motion", "wlak"], 2, "walk"),
         (&["--outfit", "tea"], 2, "tee"),
         (&["--outfit", "tee:demin"], 2, "denim"),
@@ -313,6 +314,7 @@ fn bad_input_ends_with_its_code_a_hint_and_no_file() {
         (&["--height", "17200"], 2, "--height"),
         (&["--motion", &smpl], 4, "BVH"),
         (&["--motion", &text], 3, "hint"),
+        (&["--motion", &glb], 3, "--body"),
         (&["--motion", &cut], 3, "hint"),
         (&["--motion", &missing], 5, "missing.bvh"),
     ];

@@ -166,9 +166,25 @@ fn unknown(asked: &str, hero: Option<&Hero>) -> Failure {
         .hint(hint)
 }
 
+fn no_recording(file: &str) -> Failure {
+    Failure::new(
+        Exit::Invalid,
+        "no-recording",
+        "a glTF file is no recording that our body can follow",
+    )
+    .at(file.to_owned())
+    .hint(
+        "export it as BVH; a character moves in an animation of its own file with --body FILE --motion NAME",
+    )
+}
+
 fn file(avatar: &Avatar, figure: &Figure, path: &Path) -> Result<Moving, Failure> {
     let input = read_file(path, MAX_BYTES).map_err(|e| file_failure(&e))?;
-    let (motion, warnings) = match input.bytes.starts_with(b"PK") {
+    let begins = |with: &[u8]| input.bytes.starts_with(with);
+    if begins(b"glTF") {
+        return Err(no_recording(&input.file));
+    }
+    let (motion, warnings) = match begins(b"PK") {
         true => {
             let read = read_poses(avatar, &input.file, &input.bytes);
             (read.map_err(|e| file_failure(&e))?, Vec::new())
