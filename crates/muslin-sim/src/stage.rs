@@ -126,11 +126,11 @@ const BY: f64 = 0.018;
 const WATCHED: f64 = 4e-3;
 /// Most that skin may move past nearby cloth in one piece of its way [m].
 const FASTEST: f64 = 0.008;
-/// No vertex of a moving body's cloth starts a step faster than this [m/s].
-const TOP_SPEED: f64 = 30.0;
 /// The same where it is thinnest, as a finger: farther in, the nearest skin would be that of its other side. In between it is
 /// the less the thinner it is.
 const FASTEST_THIN: f64 = 0.003;
+/// No vertex of a moving body's cloth starts a step faster than this [m/s].
+const TOP_SPEED: f64 = 30.0;
 /// Last steps of cloth that came to rest in haste.
 const THOROUGH: usize = 2;
 /// Stretch beyond the limit, of one face in a hundred, that cloth does not come back from.
@@ -526,6 +526,11 @@ impl<'a> Stage<'a> {
         let cloth = (self.weave, &self.tangled[..]);
         let slides = slides || self.slides;
         self.near.lead(cloth, &self.x, &mut moves, slides);
+        self.shift(moves);
+    }
+
+    /// Moves the cloth all the way along `moves` [m].
+    fn shift(&mut self, moves: Vec<DVec3>) {
         self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
     }
 
@@ -534,7 +539,7 @@ impl<'a> Stage<'a> {
         let pairs = self.in_itself();
         let found = crossings::piercings(self.weave, &self.x, &pairs);
         let moves = crossings::way_back(self.weave, &self.x, &found, 1e-3);
-        self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
+        self.shift(moves);
         self.past = None;
         self.find_tangles();
     }

@@ -473,7 +473,7 @@ impl Stage<'_> {
             return self.go(moves, !way.is_calm);
         }
         make_safe(&self.near.list, &self.x, &mut moves, true);
-        self.x.iter_mut().zip(moves).for_each(|(x, m)| *x += m);
+        self.shift(moves);
     }
 
     /// Goes back to where a step began.
