@@ -209,9 +209,11 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                 for _ in 0..times * guesses.steps {
                     stage.step(&self.pace)?;
                 }
-                let is_vain = i == 0 && guesses.or_none && !stage.in_itself().is_empty();
-                if i == 0 && guesses.begins_at_rest && !is_vain {
-                    settle(stage, &self.pace, go_on)?;
+                if i == 0 && guesses.begins_at_rest {
+                    let is_vain = guesses.or_none && !stage.in_itself().is_empty();
+                    if !is_vain {
+                        settle(stage, &self.pace, go_on)?;
+                    }
                 }
                 if swings {
                     stage.slip_at_rest();

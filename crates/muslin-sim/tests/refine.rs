@@ -24,6 +24,22 @@ fn sheet(size: DVec2, cells: [usize; 2]) -> (Cloth, Vec<DVec2>) {
     (cut(flat.len(), faces, corners, cotton()), flat)
 }
 
+/// So many frames at 30 a second of a body of these triangles, begun at `rest` [m], which is where `at` says.
+fn walked<'a>(
+    (faces, rest): (&'a [[u32; 3]], &'a [DVec3]),
+    frames: usize,
+    at: &'a (dyn Fn(usize) -> Frame + Sync),
+) -> Walk<'a> {
+    Walk {
+        faces,
+        rest,
+        frames,
+        lead: 0,
+        fps: 30.0,
+        at,
+    }
+}
+
 impl Scene {
     fn new() -> Scene {
         let (cloth, flat) = sheet(DVec2::splat(0.3), [14, 14]);
@@ -77,14 +93,7 @@ impl Scene {
             let there = self.ball.iter().map(|p| *p + Scene::way(k));
             there.collect::<Vec<_>>().into()
         };
-        let walk = Walk {
-            faces: &self.faces,
-            rest: &self.ball,
-            frames: FRAMES,
-            lead: 0,
-            fps: 30.0,
-            at: &at,
-        };
+        let walk = walked((&self.faces, &self.ball), FRAMES, &at);
         let guesses = Guesses {
             begun: None,
             frames: &self.guesses()[first..],
@@ -199,14 +208,7 @@ fn strip(inertia: f64, pinched: Option<usize>) -> Vec<Refined> {
         there.collect::<Vec<_>>().into()
     };
     let frames = 60;
-    let walk = Walk {
-        faces: &faces,
-        rest: &rest,
-        frames,
-        lead: 0,
-        fps: 30.0,
-        at: &at,
-    };
+    let walk = walked((&faces, &rest), frames, &at);
     let straight =
         |k: usize| -> Vec<DVec3> { flat.iter().map(|p| p.extend(0.0) + way(k)).collect() };
     let guesses = Guesses {
@@ -282,14 +284,7 @@ fn cloth_that_swings_is_within_its_limit_from_the_first_frame_on() {
     let middle = DVec3::new(0.02, 0.5, 0.1);
     let (rest, faces) = capsule(middle, middle + DVec3::Z * 1e-6, 0.01, 12);
     let at = |_: usize| Frame::from(rest.clone());
-    let walk = Walk {
-        faces: &faces,
-        rest: &rest,
-        frames: 2,
-        lead: 0,
-        fps: 30.0,
-        at: &at,
-    };
+    let walk = walked((&faces, &rest), 2, &at);
     let options = Options {
         pin: 1e6,
         ..Options::USUAL
@@ -332,14 +327,7 @@ fn hung(stands: usize, begins_at_rest: bool, wind: f64) -> Vec<Vec<DVec3>> {
         let way = DVec3::X * (0.01 * (k + 1).saturating_sub(stands) as f64);
         Frame::from(rest.iter().map(|p| *p + way).collect::<Vec<_>>())
     };
-    let walk = Walk {
-        faces: &faces,
-        rest: &rest,
-        frames,
-        lead: 0,
-        fps: 30.0,
-        at: &at,
-    };
+    let walk = walked((&faces, &rest), frames, &at);
     let options = Options {
         pin: 1e3,
         handles: true,
@@ -414,14 +402,7 @@ fn a_first_frame_that_crosses_itself_is_not_led_to_rest_where_it_is_no_use() {
     let far = DVec3::Y * 0.5;
     let (rest, faces) = capsule(far, far + DVec3::Z * 1e-6, 0.01, 12);
     let at = |_: usize| Frame::from(rest.clone());
-    let walk = Walk {
-        faces: &faces,
-        rest: &rest,
-        frames: 2,
-        lead: 0,
-        fps: 30.0,
-        at: &at,
-    };
+    let walk = walked((&faces, &rest), 2, &at);
     let led = |or_none: bool| {
         let guesses = Guesses {
             begun: None,

@@ -60,12 +60,6 @@ pub struct Animate {
     /// The animation, a .glb file.
     #[arg(short, long, default_value = "walk.glb")]
     pub out: PathBuf,
-    /// Also write arrays in the exchange layout.
-    #[arg(long, value_name = "FILE.npz")]
-    pub npz: Option<PathBuf>,
-    /// Also write a point cache and an OBJ of the garment and of the body into this folder.
-    #[arg(long, value_name = "DIR")]
-    pub pc2: Option<PathBuf>,
     /// What of it is made, and how.
     #[command(flatten)]
     pub shot: Shot,
@@ -111,8 +105,6 @@ impl Animate {
                 dress,
                 motion: self.motion.clone(),
                 fps: self.fps,
-                npz: self.npz.clone(),
-                pc2: self.pc2.clone(),
                 ..SimulateOptions::default()
             }),
             refine: self.refine,

@@ -148,6 +148,13 @@ pub struct Shot {
     /// that stays covered is left out of a baked file.
     #[arg(long, value_name = "HOW", default_value = "frames", value_parser = Bake::parse)]
     pub bake: Bake,
+    /// Also write arrays in the exchange layout; with several garments FILE.GARMENT.npz each, with
+    /// several motions (`simulate`) DIR/NAME.npz.
+    #[arg(long, value_name = "FILE.npz")]
+    pub npz: Option<PathBuf>,
+    /// Also write a point cache and an OBJ of every garment and of the body into this folder.
+    #[arg(long, value_name = "DIR")]
+    pub pc2: Option<PathBuf>,
     /// Also draw the last frame (OUT.png) and a film (OUT.film.png, animated).
     #[arg(long)]
     pub picture: bool,
@@ -167,6 +174,8 @@ impl Shot {
     pub(super) fn of(&self, options: SimulateOptions) -> SimulateOptions {
         SimulateOptions {
             bake: self.bake,
+            npz: self.npz.clone(),
+            pc2: self.pc2.clone(),
             picture: self.picture,
             turn: self.turn,
             seconds: self.seconds,

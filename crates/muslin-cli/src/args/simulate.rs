@@ -34,13 +34,6 @@ pub struct Simulate {
     /// The animation, a .glb file; with several motions a folder for NAME.glb each.
     #[arg(short, long, default_value = "walk.glb")]
     pub out: PathBuf,
-    /// Also write arrays in the exchange layout; with several garments FILE.GARMENT.npz each, with
-    /// several motions DIR/NAME.npz.
-    #[arg(long, value_name = "FILE.npz")]
-    pub npz: Option<PathBuf>,
-    /// Also write a point cache and an OBJ of every garment and of the body into this folder.
-    #[arg(long, value_name = "DIR")]
-    pub pc2: Option<PathBuf>,
     /// What of it is made, and how.
     #[command(flatten)]
     pub shot: Shot,
@@ -80,8 +73,6 @@ impl Simulate {
             air: self.air,
             wind: self.wind,
             resume: self.resume,
-            npz: self.npz.clone(),
-            pc2: self.pc2.clone(),
             ..SimulateOptions::default()
         })
     }

@@ -59,20 +59,24 @@ pub(crate) fn play(
     let mut solved = match refine {
         0 => shown(set, &raw.frames, watch)?,
         _ => {
-            let how = (set, refine, inertia);
-            let begins = Begins {
-                at_rest: true,
+            let guesses = Guesses {
+                frames: &raw.frames,
+                begun: None,
+                first: 0,
+                steps: refine,
+                inertia,
+                begins_at_rest: true,
                 or_none: true,
             };
-            let mut solved = led(how, (0, &raw.frames, None), (begins, watch))?;
+            let mut solved = led(set, &guesses, watch)?;
             if solved[0].faults > 0 {
                 let begun = begun((set, models), &mut solved, watch)?;
-                let guesses = (0, raw.frames.as_slice(), begun.as_deref());
-                let begins = Begins {
+                let guesses = Guesses {
+                    begun: begun.as_deref(),
                     or_none: false,
-                    ..begins
+                    ..guesses
                 };
-                solved = led(how, guesses, (begins, watch))?;
+                solved = led(set, &guesses, watch)?;
             }
             solved
         }
@@ -109,34 +113,26 @@ fn shown(set: &Set, raw: &[Vec<DVec3>], watch: &mut Watch) -> Result<Vec<Solved>
     Ok(out)
 }
 
-/// How frames begin.
-#[derive(Clone, Copy)]
-struct Begins {
-    /// The first is led on until it lies still.
-    at_rest: bool,
-    /// Where the first ends with a fault, it is all there is.
-    or_none: bool,
-}
-
 /// Leads predictions of the frames from `first` on to rest, `steps` each, one after the other; or lets the
 /// cloth swing from where it lies still in the first of them, where inertia counts.
 pub(crate) fn along(
-    how: (&Set, usize, f64),
-    guesses: (usize, &[Vec<DVec3>], Option<&[DVec3]>),
+    (set, steps, inertia): (&Set, usize, f64),
+    (first, frames, begun): (usize, &[Vec<DVec3>], Option<&[DVec3]>),
     watch: &mut Watch,
 ) -> Result<Vec<Solved>, Failure> {
-    let begins = Begins {
-        at_rest: how.2 > 0.0,
+    let guesses = Guesses {
+        frames,
+        begun,
+        first,
+        steps,
+        inertia,
+        begins_at_rest: inertia > 0.0,
         or_none: false,
     };
-    led(how, guesses, (begins, watch))
+    led(set, &guesses, watch)
 }
 
-fn led(
-    (set, steps, inertia): (&Set, usize, f64),
-    (first, raw, begun): (usize, &[Vec<DVec3>], Option<&[DVec3]>),
-    (begins, watch): (Begins, &mut Watch),
-) -> Result<Vec<Solved>, Failure> {
+fn led(set: &Set, guesses: &Guesses<'_>, watch: &mut Watch) -> Result<Vec<Solved>, Failure> {
     let (rest, at) = (set.rest(), |k: usize| set.frame(k));
     let walk = set.walk(&rest, &at);
     let options = Options {
@@ -144,22 +140,14 @@ fn led(
         air: set.air,
         ..NEARLY_THERE
     };
-    let guesses = Guesses {
-        frames: raw,
-        begun,
-        first,
-        steps,
-        inertia,
-        begins_at_rest: begins.at_rest,
-        or_none: begins.or_none,
-    };
     let may_go_on = watch.may_go_on();
-    let mut out = Vec::with_capacity(raw.len());
+    let many = guesses.frames.len();
+    let mut out = Vec::with_capacity(many);
     let deliver = |r: Refined| {
         out.push(Solved::from(r));
-        watch.progress(&format!("frame {} of {}", out.len(), raw.len()));
+        watch.progress(&format!("frame {} of {many}", out.len()));
     };
-    let ended = refine(&set.cloth, &guesses, (&walk, &options, &may_go_on), deliver);
+    let ended = refine(&set.cloth, guesses, (&walk, &options, &may_go_on), deliver);
     watch.go_on()?;
     ended.map_err(|e| Failure::new(Exit::Numbers, "refine", e.to_string()))?;
     Ok(out)
