@@ -1,5 +1,7 @@
 //! Room for cloth all along a motion: limbs that graze the body are led a little off, and back.
 
+use std::ops::Range;
+
 use glam::{DQuat, DVec3};
 use muslin_body::{Avatar, BodyError, Figure, Limbs, Motion, Pose};
 use rayon::prelude::*;
@@ -11,6 +13,9 @@ use crate::figure::{FOLDS, Folding, ROOM, Yielding, unfold};
 const SWUNG: f64 = 0.03;
 /// Looks a second.
 const LOOKS: f64 = 15.0;
+/// What passes the body fastest; between two looks it is looked at wherever one of these has gone so far about the root [m].
+const ENDS: [&str; 4] = ["wrist.L", "wrist.R", "foot.L", "foot.R"];
+const PASSED: f64 = 0.08;
 
 /// Somebody in motion: cloth is led in and out of folds as deep as those of a squat, but lean and trained dancers bend
 /// their hips farther than our flesh yields.
@@ -28,8 +33,9 @@ type Turns = Vec<DVec3>;
 /// Turns thighs and upper arms where a motion leads feet, shins, hands or forearms into the body, and bends hips and knees
 /// less where they fold it too deep; says by how much at most [rad].
 ///
-/// The body is looked at fifteen times a second. A turn is there from one look before it is needed to
-/// one look after, and grows and fades over a look more, so that no limb jumps.
+/// The body is looked at fifteen times a second, and in between where hands or feet go far: a fist goes past a hip within a frame or
+/// two. A turn is there from one look before it is needed to one look after, and grows and fades over a look more, so that no
+/// limb jumps.
 pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Result<f64, BodyError> {
     let limbs = Limbs::new(avatar, [ROOM, SWUNG])?;
     let stride = (motion.fps / LOOKS).round().max(1.0) as usize;
@@ -44,8 +50,28 @@ pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Resul
     bones.sort_unstable();
     bones.dedup();
     let body = Yielding::new(avatar, figure);
+    let ends = |k: usize| ends((avatar, figure), &motion.poses[k]);
+    let between = looks.windows(2).enumerate();
+    let between = between.map(|(i, pair)| {
+        Ok(passed(pair[0]..pair[1], ends)?
+            .into_iter()
+            .map(move |k| (i, k)))
+    });
+    let between: Vec<_> = between
+        .collect::<Result<Vec<_>, BodyError>>()?
+        .into_iter()
+        .flatten()
+        .collect();
     let look = |&k: &usize| turns((&limbs, &bones), &body, &motion.poses[k]);
-    let needed: Vec<Turns> = looks.par_iter().map(look).collect::<Result<_, _>>()?;
+    let mut needed: Vec<Turns> = looks.par_iter().map(look).collect::<Result<_, _>>()?;
+    let in_between = between.par_iter().map(|(i, k)| Ok((*i, look(k)?)));
+    for (i, turns) in in_between.collect::<Result<Vec<_>, BodyError>>()? {
+        for look in &mut needed[i..=i + 1] {
+            look.iter_mut()
+                .zip(&turns)
+                .for_each(|(a, b)| *a = larger(*a, *b));
+        }
+    }
     let led = faded(&held(&needed));
     let largest = led.iter().flatten().map(|t| t.length());
     let largest = largest.fold(0.0, f64::max);
@@ -63,6 +89,46 @@ pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Resul
         }
     }
     Ok(largest)
+}
+
+/// Where hands and feet are, as the root sees them [m].
+fn ends(
+    (avatar, figure): (&Avatar, &Figure),
+    pose: &Pose,
+) -> Result<[DVec3; ENDS.len()], BodyError> {
+    let bones = avatar.bones(figure, pose);
+    let root = bones[0].inverse();
+    let mut at = [DVec3::ZERO; ENDS.len()];
+    for (at, name) in at.iter_mut().zip(ENDS) {
+        let bone = avatar.bone(name)?;
+        *at = root.transform_point3(bones[bone].transform_point3(figure.joints[bone]));
+    }
+    Ok(at)
+}
+
+/// The frames after the first of `frames` where one of the `ends` has gone far since the last of them, or since the first.
+fn passed(
+    frames: Range<usize>,
+    ends: impl Fn(usize) -> Result<[DVec3; ENDS.len()], BodyError>,
+) -> Result<Vec<usize>, BodyError> {
+    let mut found = Vec::new();
+    if frames.len() < 2 {
+        return Ok(found);
+    }
+    let mut last = ends(frames.start)?;
+    for k in frames.skip(1) {
+        let now = ends(k)?;
+        if last.iter().zip(&now).any(|(a, b)| a.distance(*b) > PASSED) {
+            found.push(k);
+            last = now;
+        }
+    }
+    Ok(found)
+}
+
+/// The longer of two turns.
+fn larger(a: DVec3, b: DVec3) -> DVec3 {
+    if b.length() > a.length() { b } else { a }
 }
 
 /// What one pose needs.
@@ -85,7 +151,6 @@ fn turns(
 /// Every turn of the looks before and after as well, the largest where they meet.
 fn held(looks: &[Turns]) -> Vec<Turns> {
     around(looks, |before, now, after| {
-        let larger = |a: DVec3, b: DVec3| if b.length() > a.length() { b } else { a };
         larger(larger(now, before), after)
     })
 }
@@ -151,11 +216,33 @@ mod tests {
         };
         let (before, motion, turned) = made_room((&avatar, &figure), (0..41).map(pose));
         assert!((0.02..0.6).contains(&turned), "{turned}");
-        let mut rest = motion.poses[20].clone();
-        let limbs = Limbs::new(&avatar, [ROOM, SWUNG]).expect("limbs");
-        let left = limbs.make_room(&mut rest, &avatar, &figure);
+        let left = left_to_make((&avatar, &figure), &motion.poses[20]);
         assert!(left < 0.3 * turned, "{left} of {turned}");
         assert!(jump(&motion, arm) < jump(&before, arm) + 0.05);
+    }
+
+    /// By how much limbs would be turned off a pose still [rad].
+    fn left_to_make((avatar, figure): (&Avatar, &Figure), pose: &Pose) -> f64 {
+        let limbs = Limbs::new(avatar, [ROOM, SWUNG]).expect("limbs");
+        limbs.make_room(&mut pose.clone(), avatar, figure)
+    }
+
+    #[test]
+    fn an_arm_that_is_in_the_hip_between_two_looks_alone_keeps_off_it() {
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        let figure = avatar.figure(&Shape::default()).expect("a body");
+        let arm = avatar.bone("upperarm01.L").expect("an arm");
+        // Every other of 30 frames a second is looked at.
+        let pose = |k: i32| {
+            let mut pose = Pose::rest(&avatar);
+            let down = if k == 21 { 0.85 } else { 0.3 };
+            pose.rotations[arm] = DQuat::from_rotation_z(-down);
+            pose
+        };
+        let (before, motion, turned) = made_room((&avatar, &figure), (0..41).map(pose));
+        assert!((0.02..0.6).contains(&turned), "{turned}");
+        let left = [&before, &motion].map(|m| left_to_make((&avatar, &figure), &m.poses[21]));
+        assert!(left[1] < 0.3 * left[0], "{left:?}");
     }
 
     #[test]
