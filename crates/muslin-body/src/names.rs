@@ -1,20 +1,24 @@
 //! Names that are nearly the one that was typed.
 
-/// Up to five of `known`, the most alike first.
+/// Up to six of `known`, the most alike first.
 ///
-/// Alike means few single-letter edits, where a name that contains the asked one counts as near.
+/// Alike means few single-letter edits, of the whole name or of one of its words, where a name that contains the asked one
+/// counts as near.
 pub fn nearest<'a>(asked: &str, known: impl Iterator<Item = &'a str>) -> Vec<String> {
     let asked = asked.to_lowercase();
     let mut by: Vec<(usize, &str)> = known
         .map(|k| (unlike(&asked, &k.to_lowercase()), k))
         .collect();
     by.sort();
-    by.into_iter().take(5).map(|(_, k)| k.to_string()).collect()
+    by.into_iter().take(6).map(|(_, k)| k.to_string()).collect()
 }
 
 fn unlike(asked: &str, known: &str) -> usize {
     let holds = !asked.is_empty() && known.contains(asked);
-    let far = edits(asked, known);
+    let words = known
+        .split(['-', '_', ' '])
+        .map(|word| edits(asked, word) + 1);
+    let far = words.fold(edits(asked, known), usize::min);
     if holds { far / 4 } else { far }
 }
 
@@ -46,6 +50,9 @@ mod tests {
             "measure-waist-circ"
         );
         assert_eq!(nearest("hips", known.into_iter())[0], "measure-hips-circ");
+        let fabrics = ["denim", "wool-suiting", "cotton-jersey", "cotton-shirting"];
+        let near = nearest("cottn", fabrics.into_iter());
+        assert_eq!(near[..2], ["cotton-jersey", "cotton-shirting"]);
         assert_eq!(edits("kitten", "sitting"), 3);
     }
 }

@@ -18,7 +18,7 @@ pub use train::Train;
 
 /// Dresses any body in moving cloth: from a photo to a 3D figure wearing draped garments.
 #[derive(Debug, Parser)]
-#[command(version, about, propagate_version = true)]
+#[command(name = "muslin", version, propagate_version = true)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]

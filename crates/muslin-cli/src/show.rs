@@ -3,7 +3,7 @@
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::process::ExitCode;
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -77,7 +77,8 @@ fn watched(
         &outcome.json
     } else {
         &outcome.table
-    })
+    })?;
+    outcome.fault.map_or(Ok(()), Err)
 }
 
 /// Does a job and tells how it goes.
@@ -207,18 +208,30 @@ fn print(text: &str) -> Result<(), Failure> {
     }
 }
 
+/// A second signal so soon after the first is the same one, told twice: to a program and to its group [s].
+const TWICE: Duration = Duration::from_millis(500);
+
 /// A flag that holds the number of the signal that asked to stop; a second one stops at once.
 fn stop_flag() -> Result<Arc<AtomicUsize>, Failure> {
     use signal_hook::consts::{SIGINT, SIGTERM};
     let flag = Arc::new(AtomicUsize::new(0));
-    let again = Arc::new(std::sync::atomic::AtomicBool::new(false));
-    for (signal, code) in [(SIGINT, 130), (SIGTERM, 143)] {
-        let number = usize::try_from(signal).expect("signal numbers are positive");
-        signal_hook::flag::register_conditional_shutdown(signal, code, Arc::clone(&again))
-            .and_then(|_| signal_hook::flag::register(signal, Arc::clone(&again)))
-            .and_then(|_| signal_hook::flag::register_usize(signal, Arc::clone(&flag), number))
-            .map_err(|e| Failure::new(Exit::Internal, "signals", e.to_string()))?;
-    }
+    let signals = signal_hook::iterator::Signals::new([SIGINT, SIGTERM]);
+    let mut signals =
+        signals.map_err(|e| Failure::new(Exit::Internal, "signals", e.to_string()))?;
+    let told = Arc::clone(&flag);
+    std::thread::spawn(move || {
+        let mut first: Option<Instant> = None;
+        for signal in signals.forever() {
+            match first {
+                Some(since) if since.elapsed() > TWICE => std::process::exit(128 + signal),
+                Some(_) => {}
+                None => {
+                    first = Some(Instant::now());
+                    told.store(usize::try_from(signal).unwrap_or(1), Ordering::SeqCst);
+                }
+            }
+        }
+    });
     Ok(flag)
 }
 

@@ -119,7 +119,8 @@ fn bad_files_end_with_their_code_a_hint_and_no_report() {
     let folder = Folder::new("bad");
     let whole = falling(0.0);
     let cases = [
-        (folder.put("text.npz", b"nothing of the kind"), 4),
+        (folder.put("text.npz", b"nothing of the kind"), 3),
+        (folder.put("text.docx", b"nothing of the kind"), 4),
         (folder.put("cut.npz", &whole[..whole.len() / 2]), 3),
         (folder.put("glb.glb", b"glTF\x02\0\0\0"), 3),
         (folder.0.join("missing.npz").display().to_string(), 5),

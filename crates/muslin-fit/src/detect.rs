@@ -24,6 +24,18 @@ const LEAST_PRESENCE: f64 = 0.5;
 /// Two people whose points are this near, as a share of their squares' side, are one.
 const SAME: f64 = 0.08;
 
+/// A picture so many times as long as it is wide is looked at in squares along it, too.
+const LONG: f64 = 1.5;
+/// Sides of the squares in which a picture is searched where nobody was found in it as a whole, as shares of its shorter side,
+/// and the least of them [px].
+const PARTS: [f64; 2] = [0.5, 0.25];
+const SMALLEST: f64 = 200.0;
+
+/// Somebody found in a part of a picture counts if the part shows so many of their points, and if no more of the smaller of two
+/// boxes is shared with somebody else.
+const WHOLE: f64 = 0.9;
+const SHARED: f64 = 0.4;
+
 /// The two networks, ready to run on any number of pictures.
 pub struct Models {
     detector: Net,
@@ -122,6 +134,8 @@ fn shaped(
 
 /// Everybody in `image`, whose alpha is ignored.
 ///
+/// The detector sees 224 pixels a side, in which somebody a quarter as tall as the picture is wide is no more than a smudge:
+/// long pictures are looked at in squares along them as well, and where nobody is found, in ever smaller squares.
 /// An empty picture holds nobody.
 pub fn find_people(models: &Models, image: &Image) -> Found {
     let mut found = Found {
@@ -133,14 +147,37 @@ pub fn find_people(models: &Models, image: &Image) -> Found {
         return found;
     }
     let mut scratch = models.rooms().pop().unwrap_or_default();
-    let (candidates, best_score) = candidates(models, image, &mut scratch);
-    found.best_score = best_score;
-    for candidate in candidates {
-        let (person, presence) = look_closer(models, image, candidate, &mut scratch);
-        found.best_presence = found.best_presence.max(presence);
-        let known = |p: &Person| found.people.iter().any(|q| same(p, q));
-        if let Some(person) = person.filter(|p| !known(p)) {
-            found.people.push(person);
+    let whole = Square::around(image);
+    let mut look = |found: &mut Found, windows: &[Square]| {
+        for window in windows {
+            let is_part = window.side < whole.side;
+            let (candidates, best_score) = candidates(models, (image, window), &mut scratch);
+            found.best_score = found.best_score.max(best_score);
+            for candidate in candidates {
+                let (person, presence) = look_closer(models, image, candidate, &mut scratch);
+                found.best_presence = found.best_presence.max(presence);
+                // A window may show half of somebody, who is somebody else to the networks.
+                let is_new = |p: &Person| {
+                    let known = |q: &Person| same(p, q) || (is_part && overlap(p, q) > SHARED);
+                    (!is_part || shown(p, window) >= WHOLE) && !found.people.iter().any(known)
+                };
+                if let Some(person) = person.filter(is_new) {
+                    found.people.push(person);
+                }
+            }
+        }
+    };
+    look(&mut found, &[whole]);
+    let size = [image.width, image.height];
+    let [long, short] = [size.into_iter().max(), size.into_iter().min()];
+    let [long, short] = [long, short].map(|n| n.unwrap_or(0) as f64);
+    if long > LONG * short {
+        look(&mut found, &windows(size, short));
+    }
+    for part in PARTS {
+        let side = part * short;
+        if found.people.is_empty() && side >= SMALLEST {
+            look(&mut found, &windows(size, side));
         }
     }
     models.rooms().push(scratch);
@@ -150,10 +187,29 @@ pub fn find_people(models: &Models, image: &Image) -> Found {
     found
 }
 
-/// Squares that may hold people, the likeliest first, and the best score anywhere.
-fn candidates(models: &Models, image: &Image, scratch: &mut Scratch) -> (Vec<Candidate>, f64) {
-    let whole = Square::around(image);
-    let input = crop::sample(image, &whole, 224, crop::Border::Black);
+/// Upright squares of a side [px] that cover a picture, each overlapping the next by half or more.
+fn windows(size: [usize; 2], side: f64) -> Vec<Square> {
+    let along = |n: usize| {
+        let way = (n as f64 - side).max(0.0);
+        let count = (way / (0.5 * side)).ceil();
+        (0..=count as usize).map(move |i| 0.5 * side + way * i as f64 / count.max(1.0))
+    };
+    let all = along(size[1]).flat_map(|y| along(size[0]).map(move |x| DVec2::new(x, y)));
+    all.map(|centre| Square {
+        centre,
+        side,
+        angle: 0.0,
+    })
+    .collect()
+}
+
+/// Squares that may hold people, the likeliest first, and the best score anywhere in a window of a picture.
+fn candidates(
+    models: &Models,
+    (image, window): (&Image, &Square),
+    scratch: &mut Scratch,
+) -> (Vec<Candidate>, f64) {
+    let input = crop::sample(image, window, 224, crop::Border::Black);
     let input: Vec<f32> = input
         .iter()
         .map(|&x| f32::from(x) * (2.0 / 255.0) - 1.0)
@@ -162,7 +218,7 @@ fn candidates(models: &Models, image: &Image, scratch: &mut Scratch) -> (Vec<Can
         .detector
         .run(&[&input], scratch)
         .expect("the shapes were checked");
-    boxes::read(out[0], out[1], &whole)
+    boxes::read(out[0], out[1], window)
 }
 
 /// The person in a candidate's square, if there is one, and how certain that is.
@@ -204,6 +260,24 @@ fn bounds(keypoints: &Keypoints) -> [DVec2; 2] {
     let empty = [DVec2::INFINITY, DVec2::NEG_INFINITY];
     let pixels = keypoints.points.iter().map(|p| p.pixel);
     pixels.fold(empty, |[low, high], p| [low.min(p), high.max(p)])
+}
+
+/// Share of somebody's points that a window shows.
+fn shown(person: &Person, window: &Square) -> f64 {
+    let points = &person.keypoints.points;
+    let inside = points.iter().filter(|p| {
+        let off = (p.pixel - window.centre).abs();
+        off.max_element() <= 0.5 * window.side
+    });
+    inside.count() as f64 / points.len() as f64
+}
+
+/// Shared area of two people's bounds over that of the smaller, 0 to 1.
+fn overlap(a: &Person, b: &Person) -> f64 {
+    let area = |[low, high]: [DVec2; 2]| (high - low).max(DVec2::ZERO).element_product();
+    let [p, q] = [a.bounds, b.bounds];
+    let shared = area([p[0].max(q[0]), p[1].min(q[1])]);
+    shared / area(p).min(area(q)).max(1.0)
 }
 
 /// Whether both are the same person, found twice.

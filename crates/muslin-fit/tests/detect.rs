@@ -181,3 +181,28 @@ fn networks_for_something_else_are_refused() {
     );
     assert!(Models::new(&detector, &detector).is_err());
 }
+
+#[test]
+fn somebody_small_in_a_long_picture_and_four_in_a_row_are_found() {
+    let Some(folder) = photos() else { return };
+    let models = models();
+    let one = picture(&folder.join("openvto_person1.jpg"));
+    let wall = Image::filled(one.height, one.height, [150, 150, 150, 255]);
+    let alone = find_people(&models, &one);
+    let pair = side_by_side(&one, &one);
+    let far = side_by_side(&side_by_side(&wall, &one), &wall);
+    let far = find_people(&models, &far);
+    assert_eq!((alone.people.len(), far.people.len()), (1, 1));
+    let points = |f: &Found| f.people[0].keypoints.points.clone();
+    let pairs = points(&alone).into_iter().zip(points(&far));
+    let moved = DVec2::new(wall.width as f64, 0.0);
+    let off = pairs.map(|(a, b)| (a.pixel + moved).distance(b.pixel));
+    let off = off.sum::<f64>() / 33.0;
+    assert!(off < 0.02 * one.height as f64, "{off} px");
+    let four = find_people(&models, &side_by_side(&pair, &pair));
+    assert_eq!(four.people.len(), 4);
+    // Nobody is found twice, and nothing else is somebody.
+    let tall = picture(&folder.join("sports2d_man_f040.jpg"));
+    assert!(tall.height as f64 > 1.5 * tall.width as f64);
+    assert_eq!(find_people(&models, &tall).people.len(), 1);
+}

@@ -46,12 +46,18 @@ pub struct Clip {
 
 impl Clip {
     /// Checks what writers and judges rely on: as many body frames as cloth frames, equal numbers
-    /// of vertices in all frames, corners and pins that are vertices. Numbers may be anything.
+    /// of vertices in all frames, corners and pins that are vertices, a rest shape that is finite. Positions may be
+    /// anything.
     pub fn check_shape(&self) -> Result<(), IoError> {
         let fault = |what: String| Err(Fault::new("bad-clip", "the animation", what).invalid());
         let (frames, n) = (&self.drape.frames, self.n_verts());
-        if frames.is_empty() || n == 0 || self.drape.faces.is_empty() {
-            return fault("no frames, no vertices or no triangles".into());
+        let missing = [
+            ("frames", frames.is_empty()),
+            ("vertices", n == 0),
+            ("triangles", self.drape.faces.is_empty()),
+        ];
+        if let Some((what, _)) = missing.iter().find(|m| m.1) {
+            return fault(format!("no {what}"));
         }
         if let Some(i) = frames.iter().position(|f| f.len() != n) {
             return fault(format!(
@@ -76,6 +82,10 @@ impl Clip {
         let fits = |len: usize, want: usize| len == 0 || len == want;
         if !fits(self.rest.len(), n) || !fits(self.corners.len(), self.drape.faces.len()) {
             return fault("the rest shape does not go with the cloth".into());
+        }
+        let known = self.corners.as_flattened().iter();
+        if !self.rest.iter().all(|x| x.is_finite()) || !known.into_iter().all(|c| c.is_finite()) {
+            return fault("the rest shape has a value that is not a finite number".into());
         }
         if !fits(self.fabrics.len(), self.drape.parts.len().max(1)) {
             return fault("there are not as many fabrics as garments".into());
@@ -358,10 +368,11 @@ pub fn read_clip(path: &Path) -> Result<Clip, IoError> {
         match input.bytes.get(..4) {
             Some(crate::zip::MAGIC) => Clip::from_npz(&input.file, &input.bytes)?,
             Some(b"glTF") => crate::glb::read_moving(&input.file, &input.bytes)?,
+            _ if is_kind(path, "npz") || is_kind(path, "glb") => return Err(another(&name(path))),
             _ => return Err(unknown(&name(path))),
         }
     };
-    clip.check_shape()?;
+    clip.check_shape().map_err(|e| e.of(path))?;
     Ok(clip)
 }
 
@@ -369,6 +380,15 @@ pub fn read_clip(path: &Path) -> Result<Clip, IoError> {
 fn is_kind(path: &Path, kind: &str) -> bool {
     path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case(kind))
+}
+
+fn another(file: &str) -> IoError {
+    let fault = Fault::new(
+        "not-animated",
+        file,
+        "it is called NPZ or GLB, but is neither",
+    );
+    fault.hint("write it again").invalid()
 }
 
 fn unknown(file: &str) -> IoError {

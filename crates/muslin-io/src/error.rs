@@ -32,6 +32,21 @@ impl IoError {
         }
     }
 
+    /// The same fault, told of `file`.
+    pub(crate) fn of(self, file: &Path) -> Self {
+        let named = |f: Box<Fault>| {
+            Box::new(Fault {
+                file: name(file),
+                ..*f
+            })
+        };
+        match self {
+            Self::Invalid(f) => Self::Invalid(named(f)),
+            Self::Refused(f) => Self::Refused(named(f)),
+            Self::Disk(f) => Self::Disk(named(f)),
+        }
+    }
+
     /// The exit code a command ends with: 3, 4 or 5.
     pub fn exit_code(&self) -> u8 {
         match self {

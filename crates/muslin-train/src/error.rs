@@ -16,7 +16,9 @@ pub enum TrainError {
     #[error("the lessons are not of one cloth: their {0} differ")]
     OtherCloth(&'static str),
     /// Too few poses.
-    #[error("{0} poses are too few to learn from; give motions with {1} at least")]
+    #[error(
+        "{0} poses are too few to learn from (at least {1}): give more motions, and ask for no fewer poses of them"
+    )]
     FewPoses(usize, usize),
     /// More bones than a file can name.
     #[error("the cloth follows {0} bones; at most 255 can be stored")]

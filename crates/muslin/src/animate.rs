@@ -393,7 +393,7 @@ impl<'a> Theatre<'a, '_> {
         r.set("models", notes.collect::<Vec<_>>());
         self.report.set("animation", r);
         self.report.set("cloth", quality.report());
-        self.warn(quality.warnings(clip.drape.fps));
+        self.warn(quality.warnings(clip.drape.fps, false));
         if !refined {
             self.warn(vec![
                 "unchecked: frames are as the network predicts them; --refine 5 makes them clean"
@@ -410,20 +410,22 @@ impl<'a> Theatre<'a, '_> {
             });
         }
         let (mut made, baked) = files::make(set, &clip, (out, simulate))?;
-        if let Some(baked) = baked {
+        let baked = baked.map(|baked| {
             self.report.set("bake", baked.report);
             self.warn(baked.warnings);
-        }
+            baked.told
+        });
         let one = |m: &Made| format!("{} {:.1} MB", m.path.display(), m.bytes.len() as f64 / 1e6);
         let text = made.iter().map(one).collect::<Vec<_>>().join("  ");
         self.done(5, "write", text)?;
+        self.warn(files::make_way(out)?);
         let warnings = self.warnings.iter().map(|w| Value::from(w.as_str()));
         self.report.set("warnings", warnings.collect::<Vec<_>>());
         self.report.set("seconds", self.times.clone());
         tell::colophon(&mut self.report);
         made.push(files::report(out, &self.report));
         folders.write(&made)?;
-        let table = table(&quality, (raw.rate, raw.inside), &made);
+        let table = table((&quality, baked), (raw.rate, raw.inside), &made);
         Ok(Outcome::new(table, &self.report))
     }
 }
@@ -452,7 +454,11 @@ fn notes(model: &Model) -> Report {
     r
 }
 
-fn table(q: &Quality, (rate, inside): (f64, f64), made: &[Made]) -> String {
+fn table(
+    (q, baked): (&Quality, Option<String>),
+    (rate, inside): (f64, f64),
+    made: &[Made],
+) -> String {
     let mut table = Table::new(&[]);
     table.row([
         "network",
@@ -466,7 +472,7 @@ fn table(q: &Quality, (rate, inside): (f64, f64), made: &[Made]) -> String {
         );
         table.row([s.name.as_str(), &told]);
     }
-    table.row(["contact", &q.contact()]);
+    q.tell_contact(&mut table, baked);
     for (i, file) in made.iter().enumerate() {
         table.row([
             if i == 0 { "wrote" } else { "" },

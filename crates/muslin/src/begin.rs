@@ -1,5 +1,6 @@
 //! Where trained garments begin that are not clean in a pose: on the way to it, as far as they are.
 
+use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 use glam::DVec3;
@@ -34,6 +35,12 @@ const ALONG: f64 = 0.75;
 const OFF: f64 = 0.003;
 const FAR: f64 = 0.2;
 
+/// What hangs freely is laid so uneven [m], in waves so long [m]: a cone of silk stands until something tells it where to fold.
+/// Freely is what is farther from the skin than the second distance, not at all what is nearer than the first [m].
+const UNEVEN: f64 = 0.003;
+const WAVE: f64 = 0.08;
+const FREE: [f64; 2] = [0.006, 0.026];
+
 /// The share of the way to a pose at which garments of these triangles begin, and where they lie there [m]: the
 /// first with next to nothing wrong, or that with the least; nothing if they know nothing of the way.
 ///
@@ -60,9 +67,9 @@ pub(crate) fn begin(
         if wrong <= MANY {
             wrong += lost(&skin, &mesh.verts);
         }
-        Some((wrong, *share, mesh.verts))
+        Some((wrong, *share, mesh.verts, skin))
     };
-    let mut least: Option<(usize, f64, Vec<DVec3>)> = None;
+    let mut least: Option<(usize, f64, Vec<DVec3>, Surface)> = None;
     // Much of a look is one thread's work, so the next is taken at the same time while most are in vain.
     let (first, others) = SHARES.split_at(2);
     'all: for shares in [first].into_iter().chain(others.chunks(1)) {
@@ -78,8 +85,21 @@ pub(crate) fn begin(
             }
         }
     }
-    let (wrong, share, verts) = least?;
-    (wrong <= MANY).then_some((share, verts))
+    let (wrong, share, mut verts, skin) = least?;
+    if wrong > MANY {
+        return None;
+    }
+    verts.par_iter_mut().for_each(|x| *x += uneven(*x, &skin));
+    Some((share, verts))
+}
+
+/// How far a place [m] of cloth is moved so that it lies uneven: sideways, by where it is alone and by little from one place to
+/// the next, so that nothing passes through anything.
+fn uneven(x: DVec3, skin: &Surface) -> DVec3 {
+    let off = skin.closest(x, FREE[1]).map_or(FREE[1], |hit| hit.signed);
+    let free = ((off - FREE[0]) / (FREE[1] - FREE[0])).clamp(0.0, 1.0);
+    let wave = |along: f64| (TAU / WAVE * along).sin();
+    DVec3::new(wave(x.z), 0.0, wave(x.x + 0.3 * WAVE)) * (UNEVEN * free)
 }
 
 /// What leads cloth that crosses cloth over another part of the body, as legs of trousers do in a long step, towards
@@ -249,7 +269,8 @@ mod tests {
         };
         let crossings = (crossing(&before), crossing(&verts));
         assert!(crossings.0 > FEW && crossings.1 == 0, "{crossings:?}");
-        let moved = |v: usize| verts[v] != before[v];
+        let skin = skin();
+        let moved = |v: usize| verts[v] != before[v] + uneven(before[v], &skin);
         assert!((4..8).all(|j| moved(6 * N + j) && !moved(j)));
         // Nearer to its own skin than it was, and not in it.
         assert!(verts.iter().all(|p| p.x.abs() < 0.05));
@@ -260,6 +281,28 @@ mod tests {
         let rest = sheets(|s, _, _| [0.03, 0.035][s]);
         let (share, verts) = begin(&faces(), (&rest, skin), laid).expect("they know the way");
         assert_eq!(share, 0.55);
-        assert_eq!(verts, laid(share).expect("they lie there").0);
+        let before = laid(share).expect("they lie there").0;
+        let skin = skin();
+        let lies: Vec<DVec3> = before.iter().map(|x| *x + uneven(*x, &skin)).collect();
+        assert_eq!(verts, lies);
+    }
+
+    #[test]
+    fn what_hangs_freely_is_laid_uneven_and_what_lies_on_skin_is_not() {
+        let skin = skin();
+        let at = |off: f64, k: usize| DVec3::new(0.05 - off, 0.01, 0.004 * k as f64);
+        let most = |off: f64| {
+            let moves = (0..40).map(|k| uneven(at(off, k), &skin));
+            moves.fold(0.0, |most: f64, m| most.max(m.length()))
+        };
+        assert_eq!(most(FREE[0] - 1e-4), 0.0);
+        let (half, whole) = (most(0.016), most(0.045));
+        assert!(whole > UNEVEN && half < 0.6 * whole, "{half} {whole}");
+        // Two that are near go much the same way: none comes past the other.
+        let apart = |k: usize| {
+            let [a, b] = [k, k + 1].map(|k| at(0.03, k));
+            (uneven(b, &skin) - uneven(a, &skin)).length() / a.distance(b)
+        };
+        assert!((0..40).map(apart).all(|x| x < 0.7));
     }
 }

@@ -47,8 +47,10 @@ struct Found {
 /// Says of each of `files` what it is and what the user should know of it; `options` tell who wears and moves it, and
 /// how finely garments are cut.
 ///
+/// Of those that cannot be used the outcome says why, and its fault is what a job would end with; if it is several, which.
+///
 /// # Errors
-/// What a job would end with, if one of them cannot be used; if it is several, which, and why.
+/// What stops all of them: the options, the character, or the user.
 pub fn check(
     files: &[PathBuf],
     options: &DressOptions,
@@ -90,23 +92,41 @@ pub fn check(
             }
             Err(fault) => {
                 watch.done((k + 1, files.len()), "file", format!("{file}: no use"))?;
+                table.row([file.as_str(), "no use", fault.what.as_str()]);
+                all.push(Value::Tree(useless(&file, &fault)));
                 faults.push(fault);
             }
         }
     }
-    match faults.len() {
-        0 => {
-            let mut report = Report::default();
-            report.set("files", all);
-            Ok(Outcome::new(table.text(), &report))
-        }
-        1 => Err(faults.swap_remove(0)),
+    let mut report = Report::default();
+    report.set("files", all);
+    let fault = match faults.len() {
+        0 | 1 => faults.pop(),
         n => {
             let each: Vec<String> = faults.iter().map(Failure::to_string).collect();
             let what = format!("{n} files cannot be used\n{}", each.join("\n"));
-            Err(Failure::new(faults[0].exit, "check", what))
+            Some(Failure::new(faults[0].exit, "check", what))
         }
+    };
+    Ok(Outcome {
+        fault,
+        ..Outcome::new(table.text(), &report)
+    })
+}
+
+/// What the report says of a file that no job can use.
+fn useless(file: &str, fault: &Failure) -> Report {
+    let mut error = Report::default();
+    error
+        .set("code", fault.code)
+        .set("exit", fault.exit as usize)
+        .set("what", fault.what.as_str());
+    if !fault.hint.is_empty() {
+        error.set("hint", fault.hint.as_str());
     }
+    let mut r = Report::default();
+    r.set("file", file).set("error", error);
+    r
 }
 
 /// Where files are tried.
@@ -249,7 +269,8 @@ impl Room<'_> {
 }
 
 fn fabric_of(path: &Path) -> Result<Found, Failure> {
-    let (fabric, warnings) = fabric::find(&path.to_string_lossy())?;
+    let (fabric, mut warnings) = fabric::find(&path.to_string_lossy())?;
+    warnings.extend(fabric.warnings());
     Ok(Found {
         kind: "fabric",
         told: format!(
@@ -323,7 +344,7 @@ fn kind(path: &Path) -> Result<Kind, Failure> {
         "jpg" | "jpeg" | "png" | "webp" => Kind::Photo,
         _ => {
             let what = "no kind of file that is read here";
-            let fault = Failure::new(Exit::Invalid, "unknown-kind", what);
+            let fault = Failure::new(Exit::Refused, "unknown-kind", what);
             return Err(fault.at(muslin_io::name(path)).hint(
                 "garments are .obj and .json, fabrics .toml, .u3m and .u3ma, motions .bvh and .npz, characters .glb, .gltf and .vrm, photos .jpg, .png and .webp",
             ));

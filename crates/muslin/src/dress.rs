@@ -1,13 +1,13 @@
 //! The main job: from a photo to a dressed figure on disk.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use muslin_body::{Avatar, Figure, Pose, Shape};
 use muslin_fit::Camera;
 use muslin_fit::detect::{Found, Models, Person as Seen, find_people};
 use muslin_fit::solve::{Fit, FitOptions, Fitter};
-use muslin_geom::{Image, Report};
+use muslin_geom::{Image, Report, Value};
 use muslin_io::{
     Output, Photo, PhotoLimits, animated_png, flatten, glb, png, read_photo, report_json,
 };
@@ -32,6 +32,7 @@ pub(crate) struct Job<'a, 'w> {
     pub watch: &'a mut Watch<'w>,
     pub report: Report,
     pub times: Report,
+    pub warnings: Vec<String>,
 }
 
 /// Somebody to dress, and what of them goes over the photo.
@@ -148,12 +149,14 @@ fn dress_photo(
     let of = found.people.len();
     let mut outcomes = Vec::new();
     let cut = OnceLock::new();
-    for n in chosen {
-        let folder = if several {
-            out.join(format!("person-{n}"))
-        } else {
-            out.to_owned()
-        };
+    let folder = |n: usize| match several {
+        true => out.join(format!("person-{n}")),
+        false => out.to_owned(),
+    };
+    let folders: Vec<PathBuf> = chosen.iter().map(|&n| folder(n)).collect();
+    let now: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
+    left_over(out, &now).iter().for_each(|w| job.watch.warn(w));
+    for (&n, folder) in chosen.iter().zip(&folders) {
         let mut one = Job::new(&avatar, options, job.watch);
         one.report = job.report.clone();
         one.report.set("person", n).set("people", of);
@@ -166,7 +169,7 @@ fn dress_photo(
             || cut.get_or_init(|| Cut::new(&avatar, options)),
         );
         let model = one.fitted(fitted.map_err(|f| f.at(photo.file.clone()))?, photo)?;
-        outcomes.push(one.clothe(&model, cut, &folder)?);
+        outcomes.push(one.clothe(&model, cut, folder)?);
     }
     Ok(if several {
         Outcome::all(outcomes)
@@ -230,8 +233,8 @@ fn nobody(found: &Found) -> Failure {
         "no person found: best score {:.2}, {:.2} for a whole person (needed 0.50 each)",
         found.best_score, found.best_presence
     );
-    let hint = "use a photo that shows one person from head to feet, upright, in good light, \
-                at least 150 pixels tall";
+    let hint = "use a photo that shows a person from head to feet, upright, in good light, \
+                at least 200 pixels tall; one of many, or far away, is found once the picture is cut to them";
     Failure::new(Exit::Invalid, "nobody-found", what).hint(hint)
 }
 
@@ -247,6 +250,12 @@ pub(crate) fn file_failure(e: &muslin_io::IoError) -> Failure {
 
 /// How many stages a job has.
 const STAGES: usize = 5;
+/// Limbs that are turned farther off a pose than this are told of [rad].
+const TURNED: f64 = 0.25;
+/// The fitted body over the photo.
+const OVERLAY: &str = "overlay.png";
+/// How the fit says of a part of the body that it did not see it.
+const UNSEEN: &str = ": hidden or unclear";
 
 /// A body in its pose, as it fits a person.
 fn fitted(avatar: &Avatar, options: &DressOptions, seen: &Seen) -> Result<(Fit, Sitter), Failure> {
@@ -290,7 +299,13 @@ impl<'a, 'w> Job<'a, 'w> {
             watch,
             report: Report::default(),
             times: Report::default(),
+            warnings: Vec::new(),
         }
+    }
+
+    fn warn(&mut self, warning: String) {
+        self.watch.warn(&warning);
+        self.warnings.push(warning);
     }
 
     fn done(&mut self, number: usize, name: &'static str, result: String) -> Result<(), Failure> {
@@ -307,9 +322,18 @@ impl<'a, 'w> Job<'a, 'w> {
     ) -> Result<Model<'p>, Failure> {
         let measures = self.avatar.measure(&sitter.figure);
         let mut body = tell::person(&fit.shape, &measures);
-        tell::fit(&mut body, &fit);
+        let doubts = tell::doubts(&fit, self.options);
+        tell::fit(&mut body, &fit, &doubts);
         self.report.set("body", body);
         self.done(2, "body", tell::fitted(&fit, &measures))?;
+        let unseen = doubts.iter().filter_map(|d| d.strip_suffix(UNSEEN));
+        let unseen: Vec<&str> = unseen.collect();
+        if !unseen.is_empty() {
+            self.warn(format!(
+                "hidden or unclear in the photo, and guessed: {}",
+                unseen.join(", ")
+            ));
+        }
         let over = self.options.overlay.then_some((fit.camera, &photo.image));
         Ok(Model { sitter, over })
     }
@@ -326,6 +350,7 @@ impl<'a, 'w> Job<'a, 'w> {
             base: None,
         };
         let outfit = outfit.sized(wearer, self.options)?;
+        outfit.tight().into_iter().for_each(|w| self.warn(w));
         self.report.set("outfit", tell::outfit(&outfit));
         tell::size(&mut self.report, &outfit);
         self.done(3, "outfit", tell::pieces(&outfit))?;
@@ -341,8 +366,14 @@ impl<'a, 'w> Job<'a, 'w> {
             return Err(fault);
         }
         if !dressed.quality.within_limits() {
-            self.watch
-                .warn("the cloth is stretched beyond its fabric's limit; try --cut loose");
+            self.warn("the cloth is stretched beyond its fabric's limit; try --cut loose".into());
+        }
+        let turned = model.sitter.turned;
+        if turned > TURNED {
+            self.warn(format!(
+                "limbs are turned by up to {:.0} degrees off the pose, to make room for cloth",
+                turned.to_degrees()
+            ));
         }
         self.write(model, (&outfit, &dressed), (out, output))
     }
@@ -354,6 +385,7 @@ impl<'a, 'w> Job<'a, 'w> {
         (out, mut output): (&Path, Output),
     ) -> Result<Outcome, Failure> {
         let mut files = self.files(model, (outfit, dressed))?;
+        let is_stale = !files.iter().any(|f| f.0 == OVERLAY) && told_of(out, OVERLAY);
         let written: Vec<_> = files
             .iter()
             .map(|(name, bytes)| (*name, bytes.len()))
@@ -364,12 +396,18 @@ impl<'a, 'w> Job<'a, 'w> {
         let seconds = self.watch.done((5, STAGES), "write", text)?;
         self.times.set("write", (seconds * 1e4).round() / 1e4);
         self.report.set("seconds", self.times.clone());
+        let warnings = self.warnings.iter().map(|w| Value::from(w.as_str()));
+        self.report.set("warnings", warnings.collect::<Vec<_>>());
         tell::colophon(&mut self.report);
         files.push(("report.json", report_json(&self.report).into_bytes()));
         for (name, bytes) in &files {
             output.add(name, bytes).map_err(|e| file_failure(&e))?;
         }
         output.commit().map_err(|e| file_failure(&e))?;
+        if is_stale {
+            // Whoever it shows may be somebody else; that it cannot be removed is no reason to fail.
+            let _ = std::fs::remove_file(out.join(OVERLAY));
+        }
         Ok(Outcome::new(tell::table(&self.report, out), &self.report))
     }
 
@@ -399,12 +437,38 @@ impl<'a, 'w> Job<'a, 'w> {
         ];
         if let Some((camera, photo)) = &model.over {
             files.push((
-                "overlay.png",
+                OVERLAY,
                 png(&look::over_photo(avatar, &model.sitter, camera, photo)),
             ));
         }
         Ok(files)
     }
+}
+
+/// Whether the report in a folder tells of a file of that name.
+fn told_of(folder: &Path, file: &str) -> bool {
+    let report = std::fs::read_to_string(folder.join("report.json")).unwrap_or_default();
+    report.contains(&format!("\"{file}\":"))
+}
+
+/// Results of earlier runs in `out` that those of `now` do not replace: of other people, perhaps.
+fn left_over(out: &Path, now: &[&Path]) -> Vec<String> {
+    let folders = std::fs::read_dir(out).into_iter().flatten().flatten();
+    let is_person = |p: &Path| {
+        let name = p.file_name().unwrap_or_default().to_string_lossy();
+        name.strip_prefix("person-")
+            .is_some_and(|n| n.parse::<usize>().is_ok())
+    };
+    let people = folders.map(|f| f.path()).filter(|p| is_person(p));
+    let all = people
+        .chain([out.to_owned()])
+        .filter(|p| told_of(p, "look.glb"));
+    let mut left: Vec<String> = all
+        .filter(|p| !now.contains(&p.as_path()))
+        .map(|p| format!("{} has the results of an earlier run", p.display()))
+        .collect();
+    left.sort();
+    left
 }
 
 /// The front picture and the turntable.

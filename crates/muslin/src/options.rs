@@ -155,7 +155,14 @@ pub(crate) fn within(
 ) -> Result<(), Failure> {
     match value {
         Some(v) if !(low..=high).contains(&(v * (1.0 + 1e-12))) && !(low..=high).contains(&v) => {
-            let what = format!("{v} {unit} is out of range (allowed {low} to {high})");
+            let short = |x: f64| (x * 1e4).round() / 1e4;
+            let value = format!("{} {unit}", short(v));
+            let what = format!(
+                "{} is out of range (allowed {} to {})",
+                value.trim_end(),
+                short(low),
+                short(high)
+            );
             Err(Failure::new(Exit::Usage, "out-of-range", what).at(name))
         }
         _ => Ok(()),

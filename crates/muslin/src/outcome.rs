@@ -3,6 +3,8 @@
 use muslin_geom::Report;
 use muslin_io::report_json;
 
+use crate::failure::Failure;
+
 /// What came out, and how good it is.
 #[derive(Clone, Debug)]
 pub struct Outcome {
@@ -10,6 +12,8 @@ pub struct Outcome {
     pub table: String,
     /// The report for programs.
     pub json: String,
+    /// What the job ends with all the same.
+    pub fault: Option<Failure>,
 }
 
 impl Outcome {
@@ -18,6 +22,7 @@ impl Outcome {
         Self {
             table,
             json: report_json(report),
+            fault: None,
         }
     }
 
@@ -36,6 +41,7 @@ impl Outcome {
         Self {
             table,
             json: format!("[\n{json}\n]\n"),
+            fault: parts.into_iter().find_map(|p| p.fault),
         }
     }
 }

@@ -45,8 +45,10 @@ pub(crate) struct Entry {
     pub recipe: fn(&DressOptions) -> Recipe,
 }
 
-/// Sleeve length of a long-sleeved shirt: almost to the wrist (2).
-const LONG_SLEEVE: f64 = 1.9;
+/// Sleeve length of a long-sleeved shirt: beyond the wrist (2) as it is cut, for it is taken up as it hangs.
+const LONG_SLEEVE: f64 = 2.1;
+/// Share of a short sleeve's room that it has where it ends.
+const LONG_CUFF: f64 = 0.5;
 /// Leg length of shorts: a little above the knee.
 const SHORT_LEG: f64 = 0.45;
 
@@ -63,9 +65,11 @@ pub(crate) const WARDROBE: [Entry; 6] = [
         says: "t-shirt with long sleeves",
         fabric: "cotton-jersey",
         recipe: |o| {
+            let short = tee(o);
             Recipe::Tee(Tee {
                 sleeve: LONG_SLEEVE,
-                ..tee(o)
+                cuff_ease: LONG_CUFF * short.cuff_ease,
+                ..short
             })
         },
     },
@@ -272,17 +276,35 @@ impl Outfit {
         Ok(self)
     }
 
+    /// What each garment is called in results: by its name, and by its name and a number where that is taken.
+    pub fn names(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::with_capacity(self.pieces.len());
+        for piece in &self.pieces {
+            let name = &piece.garment.name;
+            let numbered = (2..).map(|n| format!("{name}-{n}"));
+            let free = std::iter::once(name.clone())
+                .chain(numbered)
+                .find(|n| !names.contains(n));
+            names.extend(free);
+        }
+        names
+    }
+
+    /// What is to be said where it is cut for somebody far slimmer than its wearer.
+    pub(crate) fn tight(&self) -> Option<String> {
+        self.cut_for.as_ref().and_then(CutFor::tight)
+    }
+
     /// Each garment's share of the vertices and triangles of all.
     pub fn parts(&self) -> Vec<Part> {
         let (mut vert, mut face) = (0, 0);
-        let part = |piece: &Piece| {
+        let part = |(piece, name): (&Piece, String)| {
             let (v, f) = (piece.garment.n_verts(), piece.garment.faces.len());
             let (verts, faces) = (vert..vert + v, face..face + f);
             (vert, face) = (verts.end, faces.end);
-            let name = piece.garment.name.clone();
             Part { name, verts, faces }
         };
-        self.pieces.iter().map(part).collect()
+        self.pieces.iter().zip(self.names()).map(part).collect()
     }
 
     /// Pattern coordinates of every face's corners [m], x weft, y warp.

@@ -168,6 +168,7 @@ impl Run<'_, '_> {
         let note = |w: &str| warnings.push(w.to_owned());
         let outfit = Outfit::make_for((avatar, hero), &self.options.dress, note)?;
         self.warn(warnings);
+        self.warn(outfit.tight().into_iter().collect());
         self.report.set("outfit", tell::outfit(&outfit));
         tell::size(&mut self.report, &outfit);
         let mut set = Set::new(avatar, figure, moving, outfit)?;
@@ -199,7 +200,7 @@ impl Run<'_, '_> {
         let part = part(out);
         let (clip, quality) = shot(set, Some((&part, self.options.resume)), self.watch)?;
         self.report.set("simulation", quality.report());
-        self.warn(quality.warnings(clip.drape.fps));
+        self.warn(quality.warnings(clip.drape.fps, true));
         self.done(4, "cloth", line(&quality))?;
         if let Some(fault) = quality.fault(self.options.dress.allow_crossings) {
             return Err(fault);
@@ -211,18 +212,20 @@ impl Run<'_, '_> {
             )]);
         }
         let (mut made, baked) = files::make(set, &clip, (out, self.options))?;
-        if let Some(baked) = baked {
+        let baked = baked.map(|baked| {
             self.report.set("bake", baked.report);
             self.warn(baked.warnings);
-        }
+            baked.told
+        });
         let text = written(&made);
         self.done(5, "write", text)?;
+        self.warn(files::make_way(out)?.into_iter().collect());
         self.finish(&made);
         made.push(files::report(out, &self.report));
         folders.write(&made)?;
         Journal::remove(&part).map_err(|e| file_failure(&e))?;
         Ok(Outcome::new(
-            table(&self.report, &quality, &made),
+            table(&self.report, (&quality, baked), &made),
             &self.report,
         ))
     }
@@ -261,7 +264,7 @@ fn written(made: &[Made]) -> String {
 }
 
 /// The last words: what came out and how good it is.
-fn table(report: &Report, q: &Quality, made: &[Made]) -> String {
+fn table(report: &Report, (q, baked): (&Quality, Option<String>), made: &[Made]) -> String {
     let mut table = Table::new(&[]);
     if let Some(Value::Tree(motion)) = report.get("motion") {
         let of = |name: &str| match motion.get(name) {
@@ -287,7 +290,7 @@ fn table(report: &Report, q: &Quality, made: &[Made]) -> String {
         );
         table.row([s.name.as_str(), &told]);
     }
-    table.row(["contact", &q.contact()]);
+    q.tell_contact(&mut table, baked);
     let [median, worst] = q.pace();
     table.row([
         "speed",

@@ -100,6 +100,8 @@ pub(crate) fn reach(
     Ok([end(BEYOND[0])?, end(BEYOND[1])?])
 }
 
+/// Garments cut for somebody so much slimmer than their wearer are said to be too small [cm].
+const TIGHT: f64 = 6.0;
 /// Halvings in which a weight is found for a chest.
 const HALVINGS: usize = 14;
 
@@ -203,6 +205,21 @@ impl CutFor {
     pub fn wider(&self) -> [f64; 3] {
         let (a, b) = (&self.measures, &self.wearer);
         [a.chest - b.chest, a.waist - b.waist, a.hip - b.hip]
+    }
+
+    /// What is to be said where it is far narrower than the wearer.
+    pub fn tight(&self) -> Option<String> {
+        let wider = self.wider().map(|x| x * 100.0);
+        if wider.iter().all(|x| *x > -TIGHT) {
+            return None;
+        }
+        let label = self
+            .size
+            .map_or("this".to_owned(), |s| format!("size {}", s.label()));
+        let [chest, waist, hip] = wider;
+        Some(format!(
+            "{label} is too small for its wearer: it is cut for a chest of {chest:+.0}, a waist of {waist:+.0} and a hip of {hip:+.0} cm beside theirs"
+        ))
     }
 
     /// Whose size a waistband has: the wearer's where it would be too wide.

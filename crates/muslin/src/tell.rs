@@ -9,6 +9,7 @@ use muslin_geom::{Report, Value};
 use muslin_io::Photo;
 
 use crate::drape::{Dressed, Quality};
+use crate::options::DressOptions;
 use crate::outfit::Outfit;
 use crate::size::Size;
 use crate::table::Table;
@@ -96,13 +97,22 @@ pub fn person(shape: &Shape, m: &Measures) -> Report {
     r
 }
 
+/// What of a person in a photo is doubtful: whether somebody is a man or a woman is seen by nobody.
+pub fn doubts(fit: &Fit, options: &DressOptions) -> Vec<String> {
+    let unknown = options
+        .gender
+        .is_none()
+        .then(|| "gender: taken for half-way; give it".to_owned());
+    fit.uncertain.iter().cloned().chain(unknown).collect()
+}
+
 /// Adds what only a fit knows to the body's part.
-pub fn fit(body: &mut Report, fit: &Fit) {
+pub fn fit(body: &mut Report, fit: &Fit, doubts: &[String]) {
     body.set("reprojection_px", to(2, fit.reprojection_px))
         .set("points_used", fit.n_points);
     body.set("focal_px", to(1, fit.camera.focal))
         .set("iterations", fit.iterations);
-    let doubts = fit.uncertain.iter().map(|u| Value::from(u.as_str()));
+    let doubts = doubts.iter().map(|u| Value::from(u.as_str()));
     body.set("uncertain", doubts.collect::<Vec<_>>());
 }
 
@@ -164,8 +174,11 @@ pub fn pieces(outfit: &Outfit) -> String {
     };
     let mut told = outfit.pieces.iter().map(one).collect::<Vec<_>>().join("; ");
     if let Some((size, cut)) = outfit.cut_for.as_ref().and_then(|c| Some((c.size?, c))) {
-        let by = cut.wider()[0] * 100.0;
-        told += &format!("; size {}, chest {by:+.0} cm", size.label());
+        let [chest, waist, hip] = cut.wider().map(|x| x * 100.0);
+        told += &format!(
+            "; size {}, chest {chest:+.0}, waist {waist:+.0}, hip {hip:+.0} cm",
+            size.label()
+        );
     }
     told
 }
@@ -187,13 +200,13 @@ pub fn drape(outfit: &Outfit, dressed: &Dressed, turned: f64) -> Report {
         .set("vertices_inside", s.vertices_inside);
     r.set("self_crossings", s.self_crossings);
     let mut stretch = Report::default();
-    for (piece, (p99, limit)) in outfit.pieces.iter().zip(&dressed.quality.stretch) {
+    for (name, (p99, limit)) in outfit.names().iter().zip(&dressed.quality.stretch) {
         let mut one = Report::default();
         one.set("p99_percent", to(2, p99 * 100.0));
         if let Some(limit) = limit {
             one.set("limit_percent", to(2, limit * 100.0));
         }
-        stretch.set(&piece.garment.name, one);
+        stretch.set(name, one);
     }
     r.set("stretch", stretch)
         .set("stretch_max_percent", to(2, s.stretch_max * 100.0));
@@ -249,7 +262,7 @@ pub fn written(out: &Path, written: &[(&'static str, usize)]) -> String {
 /// How reports name the photo that `demo` dresses.
 pub const BUILT_IN_PHOTO: &str = "the built-in photo";
 
-/// Versions, the licences of what was used, and the seed: no step draws at random yet.
+/// Versions, the licences of what was used, and the seed: where none was set, no step draws at random.
 pub fn colophon(report: &mut Report) {
     let mut licences = Report::default();
     licences.set(
@@ -260,7 +273,9 @@ pub fn colophon(report: &mut Report) {
         "keypoint regressors and waist tape",
         "Apache-2.0 (anny 0.6.2, copyright 2025 NAVER Corp.)",
     );
-    licences.set("pose networks", "Apache-2.0 (MediaPipe 0.10.14)");
+    if report.get("photo").is_some() {
+        licences.set("pose networks", "Apache-2.0 (MediaPipe 0.10.14)");
+    }
     if matches!(dig(report, &["photo", "file"]), Some(Value::Text(f)) if f == BUILT_IN_PHOTO) {
         licences.set(
             "photo",
@@ -274,9 +289,10 @@ pub fn colophon(report: &mut Report) {
         );
     }
     report.set("licences", licences);
-    report
-        .set("muslin", env!("CARGO_PKG_VERSION"))
-        .set("seed", 0_usize);
+    report.set("muslin", env!("CARGO_PKG_VERSION"));
+    if report.get("seed").is_none() {
+        report.set("seed", 0_usize);
+    }
 }
 
 /// The last words: what came out and how good it is.
@@ -288,7 +304,7 @@ pub fn table(report: &Report, out: &Path) -> String {
     };
     let body = ["height_cm", "chest_cm", "waist_cm", "hip_cm"].map(|n| number(&["body", n]));
     let size = match dig(report, &["body", "size"]) {
-        Some(Value::Text(size)) => format!("; size {size} by the chest"),
+        Some(Value::Text(size)) => format!("; wears size {size} by the chest"),
         _ => String::new(),
     };
     table.row([
@@ -304,12 +320,30 @@ pub fn table(report: &Report, out: &Path) -> String {
             &format!("{px} px mean distance from the photo's points"),
         ]);
     }
-    let drape = ["body_intersections", "self_crossings"].map(|n| number(&["drape", n]));
+    let label = match dig(report, &["size", "label"]) {
+        Some(Value::Text(label)) => Some(label),
+        _ => None,
+    };
+    if let Some(label) = label {
+        let wider = ["chest", "waist", "hip"]
+            .map(|n| number(&["size", &format!("wider_than_wearer_{n}_cm")]));
+        let [chest, waist, hip] = wider;
+        table.row([
+            "size",
+            &format!("{label}, cut for a chest {chest}, a waist {waist} and a hip {hip} cm wider than these"),
+        ]);
+    }
+    let drape = [
+        "body_intersections",
+        "self_crossings",
+        "stretch_max_percent",
+    ];
+    let drape = drape.map(|n| number(&["drape", n]));
     table.row([
         "drape",
         &format!(
-            "{} triangles in the body, {} crossing the cloth itself",
-            drape[0], drape[1]
+            "{} triangles in the body, {} crossing the cloth itself, stretch {} % at most",
+            drape[0], drape[1], drape[2]
         ),
     ]);
     table.row(["wrote", &format!("{}", out.display())]);

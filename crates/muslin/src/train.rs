@@ -1,5 +1,6 @@
 //! Teaching a garment: from a body, a garment and motions to a model on disk.
 
+mod asked;
 mod kept;
 mod lessons;
 mod log;
@@ -37,6 +38,7 @@ use crate::swings;
 use crate::tell;
 use crate::watch::Watch;
 
+use asked::asked;
 pub(crate) use kept::failure;
 use kept::{beside, keep, resume, stopped};
 use lessons::Class;
@@ -51,7 +53,7 @@ use told::{energies, table};
 /// How many stages a training has.
 const STAGES: usize = 5;
 /// Seconds from one copy of the work on disk to the next.
-const KEEP_EVERY: f64 = 60.0;
+const KEEP_EVERY: f64 = 15.0;
 
 /// Teaches the garment of the options to lie on a moving body, and writes the model to `out` (a
 /// `.muslin`), with `NAME.report.json` and `NAME.csv` (the curve of the training) beside it; of an outfit
@@ -75,6 +77,7 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
     };
     let kept = [beside(out, "part"), beside(out, "coarse.part")];
     if options.resume && !kept.iter().any(|p| p.exists()) {
+        finished(out)?;
         school
             .watch
             .warn("nothing to go on from; starting at the first step");
@@ -92,6 +95,16 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
         Journal::remove(part).map_err(|e| file_failure(&e))?;
     }
     Ok(told)
+}
+
+/// Refuses to go on with what is done: its curve would be replaced by a new one's long before the model is.
+fn finished(out: &Path) -> Result<(), Failure> {
+    if !out.exists() {
+        return Ok(());
+    }
+    let what = "nothing is left to go on with: the training has ended";
+    let fault = Failure::new(Exit::Usage, "finished", what).at(out.display().to_string());
+    Err(fault.hint("leave out --resume to train it anew, or go on from it with --from"))
 }
 
 /// One course of steps: on coarse cloth, or on that which is asked for.
@@ -154,6 +167,9 @@ impl School<'_, '_> {
             sources.push(seen.source);
         }
         let (motions, [seen, mixed]) = lessons::gathered(avatar, motions, self.options);
+        self.report
+            .set("options", asked(self.options))
+            .set("seed", self.options.seed as usize);
         let list = sources.iter().map(|s| Value::from(s.as_str()));
         let mut r = Report::default();
         r.set("motions", list.collect::<Vec<_>>());
@@ -164,7 +180,8 @@ impl School<'_, '_> {
             0 => String::new(),
             n => format!(" and {n} mixed of them"),
         };
-        let told = format!("{} motions, {seen} poses{more}", sources.len());
+        let s = if sources.len() == 1 { "" } else { "s" };
+        let told = format!("{} motion{s}, {seen} poses{more}", sources.len());
         self.done(2, "motion", told)?;
         Ok((motions, sources))
     }
@@ -432,7 +449,7 @@ impl School<'_, '_> {
             sources,
             terms: self.options.terms.as_deref(),
         };
-        let asked = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
+        let told = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
         let notes = [
             ("garment", d.outfit[k].garment.clone()),
             ("fabric", class.fabrics[k].name.clone()),
@@ -444,14 +461,15 @@ impl School<'_, '_> {
             ("cut", format!("{:?}", d.cut).to_lowercase()),
             ("edge", d.edge.to_string()),
             ("body", body_note(self.hero)),
-            ("height", asked(d.height)),
-            ("weight", asked(d.weight)),
-            ("gender", asked(d.gender)),
+            ("height", told(d.height)),
+            ("weight", told(d.weight)),
+            ("gender", told(d.gender)),
             ("topology", topology(faces)),
             ("trained_on", sources.join("; ")),
             ("licence", learnt.licence()),
             ("steps", last.step.to_string()),
             ("seed", self.options.seed.to_string()),
+            ("options", asked(self.options)),
             (SKINNING, self.skinning(class).into()),
             ("system", system.map_or("muslin", System::name).to_owned()),
             ("fps", lessons::rate(system).to_string()),

@@ -17,13 +17,13 @@ pub(super) fn character(body: &Path) -> Option<PathBuf> {
 #[derive(Debug, Args)]
 pub struct Build {
     /// Standing height [cm]; kept exactly.
-    #[arg(long)]
+    #[arg(long, value_name = "CM", allow_negative_numbers = true)]
     pub height: Option<f64>,
     /// Body weight [kg].
-    #[arg(long)]
+    #[arg(long, value_name = "KG", allow_negative_numbers = true)]
     pub weight: Option<f64>,
-    /// From 0 (male) to 1 (female) on the body's own scale.
-    #[arg(long)]
+    /// `male`, `female`, or from 0 (male) to 1 (female) on the body's own scale.
+    #[arg(long, value_parser = gender, allow_negative_numbers = true)]
     pub gender: Option<f64>,
     /// What the garments' label says, whoever wears them: XS, S, M, L, XL or XXL (EN 13402-3, by the chest)
     /// [default: made to measure; on our own body a garment of a file has the size of its file].
@@ -44,11 +44,21 @@ impl Build {
     }
 }
 
+fn gender(text: &str) -> Result<f64, String> {
+    match text.to_lowercase().as_str() {
+        "male" | "man" | "m" => Ok(0.0),
+        "female" | "woman" | "f" => Ok(1.0),
+        number => number
+            .parse()
+            .map_err(|_| "male, female, or a number from 0 (male) to 1 (female)".to_owned()),
+    }
+}
+
 /// A body and its clothes.
 #[derive(Debug, Args)]
 pub struct Wearing {
     /// Garment or file (.json pattern, .obj mesh), or GARMENT:FABRIC; innermost first, repeated or comma-separated
-    /// [default: trousers,tee; a tee for `simulate`].
+    /// [default: trousers,tee for `dress`, else a tee].
     #[arg(long, visible_alias = "outfit", value_delimiter = ',')]
     pub garment: Vec<String>,
     /// Fabric of every garment that names none (see `muslin list fabrics`), or a file of your own:
@@ -162,10 +172,15 @@ pub struct Shot {
     #[arg(long, requires = "picture")]
     pub turn: bool,
     /// How much of the motion [s] [default: all].
-    #[arg(long)]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub seconds: Option<f64>,
     /// Where in the motion to start [s].
-    #[arg(long, default_value_t = 0.0)]
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
     pub start: f64,
 }
 

@@ -10,7 +10,7 @@ use super::common::{Telling, Wearing};
 /// Options of `dress`.
 #[derive(Debug, Args)]
 pub struct Dress {
-    /// Photo that shows one whole person (JPEG, PNG or WebP).
+    /// Photo that shows one whole person (JPEG, PNG or WebP); or none, with --pose.
     #[arg(required_unless_present = "pose")]
     pub photo: Option<PathBuf>,
     /// Dress the standard body in a built-in pose instead of a photo (see `muslin list poses`).

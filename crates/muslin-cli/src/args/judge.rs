@@ -52,10 +52,10 @@ pub struct Evaluate {
     pub against: Option<PathBuf>,
     /// What minimiser and simulator take the cloth to be made of [default: what the file says, else
     /// paper-snug-cotton].
-    #[arg(long)]
+    #[arg(long, requires = "against")]
     pub fabric: Option<String>,
     /// Frames, evenly spread, that are led to the minimiser; 0 for all of them.
-    #[arg(long, default_value_t = 9)]
+    #[arg(long, default_value_t = 9, requires = "against")]
     pub samples: usize,
     /// The same cloth and motion without swing, as `animate --motion-level 0` writes it: tells what cloth does beyond
     /// it, its dynamic content, here and in what it is held against.
@@ -122,7 +122,7 @@ pub struct Bench {
     pub build: Build,
     /// Only drapes whose name ("tee, body 3, sit01 frame 0") holds this, or parts of the garments figures
     /// ("tee, 02_01_walk, swing"; rest, swing, fabrics and speed; "sphere" needs no model), or of the cloth figures
-    /// ("physics", "pace, tee, walk", "scaling, tee, 12 mm", "walk, shirt.json"; "sequence, " for two seconds of twenty
+    /// ("physics, cantilever", "pace, tee, walk", "scaling, tee, 12 mm", "walk, shirt.json"; "sequence, " for two seconds of twenty
     /// recordings in three garments, which takes an hour or two and is left out else); may be given again.
     #[arg(long)]
     pub only: Vec<String>,

@@ -74,7 +74,7 @@ impl Tee {
             ("hem ease [m]", self.hem_ease, 0.02, 0.6),
             ("sleeve ease [m]", self.sleeve_ease, 0.02, 0.3),
             ("cuff ease [m]", self.cuff_ease, 0.02, 0.3),
-            ("sleeve length", self.sleeve, 0.35, 1.95),
+            ("sleeve length", self.sleeve, 0.35, 2.15),
             ("hem above the crotch [m]", self.hem, 0.02, 0.2),
             ("neck width [m]", self.neck_width, 0.0, 0.05),
             ("neck depth [m]", self.neck_depth, 0.0, 0.1),

@@ -2,11 +2,14 @@
 //!
 //! 32 bytes of header (`POINTCACHE2\0`, version 1, points, first frame, frames a sample, samples),
 //! then `float32` positions frame by frame, all little-endian. The format has no rate, no names and
-//! no triangles: comments in the OBJ tell the rate, the layer, the pins and the fabric.
+//! no triangles: comments in the OBJ tell the rate, the layer, the pins and the fabric, and that its texture coordinates are
+//! the pattern's own metres.
 
+use std::collections::HashMap;
+use std::fmt::Write;
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use muslin_geom::{Drape, Mesh, Part};
 
 use super::Clip;
@@ -19,6 +22,8 @@ const MAGIC: &[u8; 12] = b"POINTCACHE2\0";
 const HEADER: usize = 32;
 const MAX_BYTES: u64 = 4 << 30;
 const MAX_OBJ: u64 = 256 << 20;
+/// Says that texture coordinates are places in the pattern [m]: other people's are anything.
+const PATTERN: &str = "pattern in metres";
 /// Pins in one comment.
 const PINS_A_LINE: usize = 16;
 
@@ -80,6 +85,9 @@ pub fn files(clip: &Clip) -> Result<Vec<(String, Vec<u8>)>, IoError> {
         if let Some(fabric) = one.fabric(0) {
             head.push_str(&format!("# fabric {fabric}\n"));
         }
+        if !one.corners.is_empty() {
+            head.push_str(&format!("# {PATTERN}\n"));
+        }
         let verts = match one.rest.is_empty() {
             true => one.drape.frames[0].clone(),
             false => one.rest,
@@ -88,7 +96,7 @@ pub fn files(clip: &Clip) -> Result<Vec<(String, Vec<u8>)>, IoError> {
         out.push((format!("{name}.pc2"), write_pc2(&one.drape.frames)));
         out.push((
             format!("{name}.obj"),
-            topology(&name, Mesh { verts, faces }, &head)?,
+            topology(&name, (Mesh { verts, faces }, &one.corners), &head)?,
         ));
     }
     if let Some(first) = clip.body.first() {
@@ -99,13 +107,19 @@ pub fn files(clip: &Clip) -> Result<Vec<(String, Vec<u8>)>, IoError> {
         out.push(("body.pc2".into(), write_pc2(&clip.body)));
         out.push((
             "body.obj".into(),
-            topology("body", mesh, &format!("# fps {}\n", clip.drape.fps))?,
+            topology("body", (mesh, &[]), &format!("# fps {}\n", clip.drape.fps))?,
         ));
     }
     Ok(out)
 }
 
-fn topology(name: &str, mesh: Mesh, head: &str) -> Result<Vec<u8>, IoError> {
+/// An OBJ; `corners`: of every face in its pattern [m], or none.
+fn topology(
+    name: &str,
+    (mesh, corners): (Mesh, &[[DVec2; 3]]),
+    head: &str,
+) -> Result<Vec<u8>, IoError> {
+    let pattern = pattern(&mesh.faces, corners);
     let node = Node {
         name: name.into(),
         mesh,
@@ -115,7 +129,32 @@ fn topology(name: &str, mesh: Mesh, head: &str) -> Result<Vec<u8>, IoError> {
         nodes: vec![node],
         ..Scene::default()
     };
-    Ok(format!("{head}{}", obj(&scene)?).into_bytes())
+    let text = obj(&scene)?;
+    // Where a seam doubles a vertex in the pattern, it is one in space.
+    let plain = text
+        .lines()
+        .filter(|l| pattern.is_empty() || !l.starts_with("f "));
+    let plain: Vec<&str> = plain.collect();
+    Ok(format!("{head}{}\n{pattern}", plain.join("\n")).into_bytes())
+}
+
+/// Texture coordinates and faces that use them; corners of one vertex that agree to a tenth of a micrometre share one.
+fn pattern(faces: &[[u32; 3]], corners: &[[DVec2; 3]]) -> String {
+    let (mut known, mut places, mut list) = (HashMap::new(), String::new(), String::new());
+    for (face, at) in faces.iter().zip(corners) {
+        let each = [0, 1, 2].map(|k| {
+            let (v, p) = (face[k] + 1, at[k]);
+            let key = (v, [p.x, p.y].map(|c| (c * 1e7).round() as i64));
+            let next = known.len() + 1;
+            let t = *known.entry(key).or_insert_with(|| {
+                writeln!(places, "vt {:.8} {:.8}", p.x, p.y).expect("a string takes all");
+                next
+            });
+            format!("{v}/{t}/{v}")
+        });
+        writeln!(list, "f {}", each.join(" ")).expect("a string takes all");
+    }
+    places + &list
 }
 
 /// What an OBJ beside a point cache tells.
@@ -123,6 +162,8 @@ struct Beside {
     mesh: Mesh,
     fps: Option<f64>,
     layer: f64,
+    /// Of every face in its pattern [m], if that is told.
+    corners: Vec<[DVec2; 3]>,
     /// Counted from 1, as in faces.
     pins: Vec<u32>,
     fabric: String,
@@ -207,6 +248,7 @@ fn garment(name: String, frames: Vec<Vec<DVec3>>, beside: Beside) -> Clip {
             fps: 30.0,
         },
         rest: mesh.verts,
+        corners: beside.corners,
         pins: beside.pins.iter().map(|i| i - 1).collect(),
         fabrics: known.then_some(beside.fabric).into_iter().collect(),
         ..Clip::default()
@@ -219,9 +261,11 @@ fn beside_from(file: &str, text: &str) -> Result<Beside, IoError> {
         mesh: Mesh::default(),
         fps: None,
         layer: 0.0,
+        corners: Vec::new(),
         pins: Vec::new(),
         fabric: String::new(),
     };
+    let (mut is_pattern, mut places) = (false, Vec::new());
     for (i, line) in text.lines().enumerate() {
         let fault = |what: &str| {
             Fault::new("obj", file, what)
@@ -240,12 +284,27 @@ fn beside_from(file: &str, text: &str) -> Result<Beside, IoError> {
                 out.pins
                     .extend(pins.ok_or_else(|| fault("a pin that is no vertex"))?);
             }
+            ["#", words @ ..] if words.join(" ") == PATTERN => is_pattern = true,
+            ["vt", ..] if is_pattern => {
+                let p = number(1).zip(number(2));
+                let (x, y) = p.ok_or_else(|| fault("a texture coordinate without two numbers"))?;
+                places.push(DVec2::new(x, y));
+            }
             ["v", ..] => {
                 let v = number(1).zip(number(2)).zip(number(3));
                 let ((x, y), z) = v.ok_or_else(|| fault("a vertex without three numbers"))?;
                 out.mesh.verts.push(DVec3::new(x, y, z));
             }
             ["f", corners @ ..] => {
+                if let (true, [a, b, c]) = (is_pattern, corners) {
+                    let place = |w: &str| {
+                        Some(places[corner(w.split('/').nth(1)?, places.len())? as usize])
+                    };
+                    let all = place(a).zip(place(b)).zip(place(c));
+                    let ((a, b), c) =
+                        all.ok_or_else(|| fault("a corner without its place in the pattern"))?;
+                    out.corners.push([a, b, c]);
+                }
                 let n = out.mesh.verts.len();
                 let corners: Option<Vec<u32>> = corners.iter().map(|c| corner(c, n)).collect();
                 let corners = corners.ok_or_else(|| fault("a corner that is no vertex"))?;

@@ -99,11 +99,22 @@ fn point_caches_come_back_in_layer_order_with_rate_and_body() {
         folder.put(&name, &bytes);
     }
     let back = read_clip(folder.path()).expect("whole");
+    let corners = |c: &Clip| c.corners.as_flattened().to_vec();
+    let pairs = corners(&back).into_iter().zip(corners(&clip));
+    assert!(pairs.clone().count() > 0 && pairs.into_iter().all(|(a, b)| a.distance(b) < 1e-8));
     let want = Clip {
-        corners: Vec::new(),
+        corners: back.corners.clone(),
         ..clip.clone()
     };
     assert_eq!(back, want);
+    // Texture coordinates of other people are no pattern.
+    let own = folder.path().join("tee.obj");
+    let text = std::fs::read_to_string(&own).expect("it is there");
+    folder.put(
+        "tee.obj",
+        text.replace("# pattern in metres\n", "").as_bytes(),
+    );
+    assert!(read_clip(folder.path()).expect("whole").corners.is_empty());
     let tee = read_clip(&folder.path().join("tee.pc2")).expect("whole");
     assert_eq!(
         (tee.drape.frames[2].clone(), tee.body.len()),

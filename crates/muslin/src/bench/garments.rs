@@ -214,11 +214,11 @@ pub fn garments(
     }
     let parts = parts(&subjects, &trials.only);
     if parts.is_empty() && !on_sphere {
-        let fault = Failure::new(
-            Exit::Usage,
-            "no-part",
-            "no part of the figures is called so",
+        let what = format!(
+            "no part of the figures is called {:?}",
+            trials.only.join(", ")
         );
+        let fault = Failure::new(Exit::Usage, "no-part", what);
         return Err(fault
             .at("--only")
             .hint("they are called like \"tee, 02_01_walk, swing\""));

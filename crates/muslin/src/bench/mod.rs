@@ -30,14 +30,17 @@ pub use worn::Walks;
 /// # Errors
 /// A name that no part has; interrupted.
 pub fn cloth(walks: &Walks, watch: &mut Watch) -> Result<String, Failure> {
-    let physics = walks.asks(cloth::NAME).then(cloth::cloth).transpose()?;
+    let physics = cloth::cloth(|name| walks.asks(name));
     let moving = worn::worn(walks, watch)?;
     match physics {
         None if moving.is_empty() => {
-            let what = "no part of the figures is called so";
+            let what = format!(
+                "no part of the figures is called {:?}",
+                walks.only.join(", ")
+            );
             let fault = Failure::new(Exit::Usage, "no-part", what).at("--only");
             Err(fault.hint(
-                "they are called physics, \"pace, tee, walk\", \"scaling, tee, 12 mm\" and, with data, \"walk, FILE\"",
+                "they are called \"physics, cantilever\" (or free fall, thrown, hanging strip, slope, determinism, cusick), \"pace, tee, walk\", \"scaling, tee, 12 mm\" and, with data, \"walk, FILE\"",
             ))
         }
         physics => Ok(format!("{}\n{moving}", physics.unwrap_or_default())),

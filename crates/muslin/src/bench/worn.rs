@@ -112,7 +112,8 @@ impl Walks {
     }
 
     fn names(&self, name: &str) -> bool {
-        self.only.iter().any(|o| name.contains(o))
+        let name = name.to_lowercase();
+        self.only.iter().any(|o| name.contains(&o.to_lowercase()))
     }
 
     fn cases(&self) -> Vec<Case> {

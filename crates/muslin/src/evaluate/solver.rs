@@ -47,9 +47,11 @@ impl<'a> Solver<'a> {
             let found = fabric::find(asked).map(|f| f.0);
             found.map_err(|fault| match fabric {
                 Some(_) => fault,
-                None => {
-                    fault.hint("it is what the file calls its cloth: name the fabric's own file")
-                }
+                None => Failure {
+                    exit: Exit::Invalid,
+                    place: String::new(),
+                    ..fault.hint("it is what the file calls its cloth: name the fabric's own file with --fabric")
+                },
             })
         };
         let fabrics: Vec<Fabric> = (0..garments).map(made_of).collect::<Result<_, _>>()?;

@@ -333,8 +333,57 @@ fn what_the_solver_cannot_do_is_said() {
     );
     let mut named = held(2);
     named.fabrics = vec!["cheese".into()];
-    assert_eq!(code(&named, None), ("unknown-fabric", Exit::Usage));
+    assert_eq!(code(&named, None), ("unknown-fabric", Exit::Invalid));
     let mut hole = held(3);
     hole.body[1][0].x = f64::NAN;
     assert_eq!(code(&hole, None), ("not-finite", Exit::Invalid));
+}
+
+#[test]
+fn results_never_replace_what_is_read_or_each_other() {
+    let taken = |out: &str, frames: Option<&str>| {
+        let options = EvaluateOptions {
+            against: Some(Against::File("b.npz".into())),
+            still: Some("c.npz".into()),
+            frames: frames.map(PathBuf::from),
+            ..EvaluateOptions::default()
+        };
+        let told = apart((Path::new("a.npz"), &options), Path::new(out));
+        told.err().map(|f| (f.exit, f.place))
+    };
+    assert_eq!(taken("a.json", Some("a.csv")), None);
+    for read in ["a.npz", "./b.npz", "c.npz"] {
+        assert_eq!(
+            taken(read, None),
+            Some((Exit::Usage, "--out".into())),
+            "{read}"
+        );
+        let frames = taken("a.json", Some(read));
+        assert_eq!(frames, Some((Exit::Usage, "--frames".into())), "{read}");
+    }
+    let twice = taken("a.json", Some("a.json"));
+    assert_eq!(twice, Some((Exit::Usage, "--frames".into())));
+}
+
+#[test]
+fn another_rate_is_another_motion_and_frames_that_nobody_knows_the_speed_of_are_left_out_of_a_gap()
+{
+    let clip = falling(6);
+    let mut faster = clip.clone();
+    faster.drape.fps *= 4.0;
+    let fault = evaluate(&clip, Some(&faster)).expect_err("another rate");
+    assert!(fault.what.contains("frames a second"), "{fault}");
+    let mut hole = clip.clone();
+    hole.drape.frames[2][0].x = f64::NAN;
+    let told = evaluate(&clip, Some(&hole)).expect("the same otherwise");
+    assert_eq!(told.figure("against", "energy_gap_J"), 0.0);
+}
+
+#[test]
+fn cloth_in_millimetres_is_remarked_on() {
+    let mut clip = falling(2);
+    assert_eq!(size(&clip), None);
+    let all = clip.drape.frames.iter_mut().flatten();
+    all.for_each(|x| *x *= 1000.0);
+    assert!(size(&clip).is_some_and(|w| w.contains("metres")));
 }

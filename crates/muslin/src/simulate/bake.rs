@@ -197,7 +197,8 @@ fn rim(garment: &Clip) -> Vec<bool> {
 pub struct Judged {
     /// For the report.
     pub report: Report,
-    /// For people.
+    /// For people: what it is like, and what is wrong with it.
+    pub told: String,
     pub warnings: Vec<String>,
     /// The clip with the file's cloth.
     pub shown: Clip,
@@ -247,16 +248,24 @@ pub fn judged(bytes: &[u8], clip: &Clip) -> Result<Judged, Failure> {
     report.set("pairs_through_shown_skin", most(0));
     report.set("frames_through_itself", frames_with(1));
     report.set("pairs_through_itself", most(1));
+    let told = format!(
+        "{} frames with cloth in skin that is seen ({} pairs of triangles at most), {} with cloth in cloth ({}); up to {} mm off",
+        frames_with(0),
+        most(0),
+        frames_with(1),
+        most(1),
+        mm(at(1.0))
+    );
     let warning = (frames_with(0) + frames_with(1) > 0).then(|| {
         format!(
-            "baked: of {frames} frames cloth meets skin that is seen in {} ({} pairs of triangles at most) and cloth in {} ({}); more morphs or bones, or --bake frames, are nearer to what was found",
-            frames_with(0), most(0), frames_with(1), most(1)
+            "as baked {told}; more morphs or bones, or --bake frames, are nearer to what was found"
         )
     });
     let mut shown = clip.clone();
     shown.drape.frames = read.drape.frames;
     Ok(Judged {
         report,
+        told,
         shown,
         warnings: warning.into_iter().collect(),
     })

@@ -2,15 +2,16 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::{DAffine3, DVec3};
 use muslin_geom::Report;
 use muslin_io::{
-    Clip, Dressed, Moved, Output, Scene, Skinned, animated_png, dressed_glb, moving_glb, png,
+    Clip, Dressed, Moved, Node, Output, Scene, Skinned, animated_png, dressed_glb, moving_glb, png,
     report_json,
 };
 use rayon::prelude::*;
 
 use crate::dress::file_failure;
-use crate::failure::Failure;
+use crate::failure::{Exit, Failure};
 use crate::files;
 use crate::hero::Hero;
 
@@ -107,15 +108,15 @@ pub fn make(
     if options.picture {
         let folder = out.parent().unwrap_or(Path::new(""));
         let shown = judged.as_ref().map_or(clip, |j| &j.shown);
-        let (still, moving) = film::pictures(
+        let film = film::pictures(
             (set, &covered),
             shown,
             (options.dress.backdrop, options.turn),
         );
         let name = stem(out);
-        let moving = animated_png(&moving, film::FRAME_MS);
+        let moving = animated_png(&film.frames, film.frame_ms);
         let files = vec![
-            (format!("{name}.png"), png(&still)),
+            (format!("{name}.png"), png(&film.still)),
             (format!("{name}.film.png"), moving),
         ];
         add(folder, files);
@@ -123,10 +124,33 @@ pub fn make(
     Ok((made, judged))
 }
 
+/// The report beside the main file of a training, where this one's is to go, gets a name of its own; which, if there is one.
+pub fn make_way(out: &Path) -> Result<Option<String>, Failure> {
+    let taken = beside(out, "report.json");
+    let report = std::fs::read_to_string(&taken).unwrap_or_default();
+    if !report.contains("\"learnt_from\":") {
+        return Ok(None);
+    }
+    let free = beside(out, "training.json");
+    let fault = |e: std::io::Error| {
+        Failure::new(Exit::Files, "cannot-write", e.to_string()).at(taken.display().to_string())
+    };
+    std::fs::rename(&taken, &free).map_err(fault)?;
+    Ok(Some(format!(
+        "{} told of a training and is called {} now",
+        taken.display(),
+        free.display()
+    )))
+}
+
+fn beside(out: &Path, kind: &str) -> PathBuf {
+    out.with_file_name(format!("{}.{kind}", stem(out)))
+}
+
 /// The report beside the main file.
 pub fn report(out: &Path, report: &Report) -> Made {
     Made {
-        path: out.with_file_name(format!("{}.report.json", stem(out))),
+        path: beside(out, "report.json"),
         bytes: report_json(report).into_bytes(),
     }
 }
@@ -157,7 +181,14 @@ fn glb(set: &Set, clip: &Clip, (bake, covered): (Bake, &[bool])) -> Result<Vec<u
     let garments: Vec<Moved> = parts
         .map(|((_, part), piece)| {
             let verts = part.drape.frames[0].clone();
-            let node = files::garment(piece, verts, &piece.garment.uv);
+            let (node, source) = files::garment(piece, verts, &piece.garment.uv);
+            let node = (
+                Node {
+                    name: part.drape.parts[0].name.clone(),
+                    ..node
+                },
+                source,
+            );
             moved(node, bake.garment(&part, covered))
         })
         .collect();
@@ -168,9 +199,10 @@ fn glb(set: &Set, clip: &Clip, (bake, covered): (Bake, &[bool])) -> Result<Vec<u
     let poses = set.moving.motion.poses[set.moving.lead..]
         .iter()
         .step_by(step);
+    let lowered = DAffine3::from_translation(DVec3::NEG_Y * set.moving.floor);
     let bones = poses.map(|p| {
-        let posed = set.avatar.pose(&set.figure, p);
-        rig.source.iter().map(|&b| posed.bones[b]).collect()
+        let bones = set.avatar.bones(&set.figure, p);
+        rig.source.iter().map(|&b| lowered * bones[b]).collect()
     });
     let skin = Skinned {
         rig: &rig.rig,
@@ -212,6 +244,21 @@ fn dressed(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_a_training_told_is_not_replaced() {
+        let folder = std::env::temp_dir().join(format!("muslin-way-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("our own folder");
+        let (out, report) = (folder.join("tee.glb"), folder.join("tee.report.json"));
+        assert_eq!(make_way(&out), Ok(None));
+        std::fs::write(&report, "{\"learnt_from\": {}}").expect("it is written");
+        let told = make_way(&out).expect("it has a name");
+        assert!(told.is_some_and(|t| t.contains("tee.training.json")));
+        assert!(!report.exists() && folder.join("tee.training.json").exists());
+        std::fs::write(&report, "{\"animation\": {}}").expect("it is written");
+        assert_eq!(make_way(&out), Ok(None));
+        std::fs::remove_dir_all(&folder).expect("our own folder");
+    }
 
     #[test]
     fn a_glb_never_gets_more_targets_than_viewers_take() {

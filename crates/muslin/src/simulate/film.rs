@@ -13,24 +13,31 @@ use crate::options::Backdrop;
 
 use super::set::Set;
 
-/// Frames of the film.
-const FRAMES: usize = 24;
+/// Frames of the film a second, and how many it has at least and at most; it lasts as long as the motion.
+const RATE: f64 = 12.0;
+const FRAMES: [usize; 2] = [24, 96];
 /// Pixels a side of the still and of the film.
 const SIDES: [usize; 2] = [1024, 400];
-/// How long each frame of the film stays [ms].
-pub const FRAME_MS: u16 = 100;
-
 /// A set, and which of its skin's vertices are left out: none, or a flag each.
 type Seen<'a> = (&'a Set<'a>, &'a [bool]);
 
-/// The last frame, and frames evenly spread over the time, in which the camera may go around the body once.
-pub fn pictures(
-    (set, covered): Seen,
-    clip: &Clip,
-    (backdrop, turns): (Backdrop, bool),
-) -> (Image, Vec<Image>) {
+/// What there is to see.
+pub struct Film {
+    /// The last frame.
+    pub still: Image,
+    /// Frames evenly spread over the time.
+    pub frames: Vec<Image>,
+    /// How long each of these stays [ms].
+    pub frame_ms: u16,
+}
+
+/// The last frame and a film, in which the camera may go around the body once.
+pub fn pictures((set, covered): Seen, clip: &Clip, (backdrop, turns): (Backdrop, bool)) -> Film {
     let last = clip.drape.frames.len() - 1;
-    let count = FRAMES.min(last + 1);
+    let seconds = (last + 1) as f64 / clip.drape.fps;
+    let count = ((seconds * RATE).ceil() as usize)
+        .clamp(FRAMES[0], FRAMES[1])
+        .min(last + 1);
     let seat = |i: usize| Seat {
         frame: i * last / (count - 1).max(1),
         yaw: if turns {
@@ -52,7 +59,13 @@ pub fn pictures(
     let scene = scene((set, covered), clip, (last, backdrop));
     let stage = look::stage(&scene);
     let still = stage.shoot(&stage.frame(&look::view(SIDES[0])));
-    (still, film.collect())
+    Film {
+        still,
+        frames: film.collect(),
+        frame_ms: (1000.0 * seconds / count as f64)
+            .round()
+            .clamp(1.0, f64::from(u16::MAX)) as u16,
+    }
 }
 
 /// Where the camera is for a frame of the film.

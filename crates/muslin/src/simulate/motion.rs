@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use muslin_body::{Avatar, Figure, Motion, Pose, motions, names, retarget};
+use muslin_body::{Avatar, Figure, Motion, Part, Pose, motions, names, retarget};
 use muslin_geom::Report;
 use muslin_io::{bvh, read_file, read_poses};
 use rayon::prelude::*;
@@ -11,6 +11,7 @@ use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
 use crate::hero::Hero;
+use crate::look::lowest;
 
 use super::{SimulateOptions, room};
 
@@ -26,6 +27,9 @@ pub struct Moving {
     pub lead: usize,
     /// By how much limbs were turned to make room for cloth at most [rad].
     pub turned: f64,
+    /// How high the lowest skin of its frames is [m]: in results that is where the floor lies, at zero. A character keeps its
+    /// own.
+    pub floor: f64,
     /// What the user should know of the file.
     pub warnings: Vec<String>,
 }
@@ -74,6 +78,9 @@ pub fn load(
             found.turned.to_degrees()
         ));
     }
+    if hero.is_none() {
+        found.floor = floor((avatar, figure), &cut);
+    }
     let (rest, _) = avatar.dressing(figure);
     found.lead = cut.steps_from(&rest, LEAD_IN).max(SHORTEST);
     found.motion = cut.with_lead_in(&rest, found.lead);
@@ -82,6 +89,17 @@ pub fn load(
         return Err(fault.at(found.name));
     }
     Ok(found)
+}
+
+/// How high the lowest skin of a motion is [m].
+fn floor((avatar, figure): (&Avatar, &Figure), motion: &Motion) -> f64 {
+    let skin = avatar.part(Part::Body);
+    let low = |pose: &Pose| lowest(&avatar.pose(figure, pose).verts[skin.clone()]);
+    motion
+        .poses
+        .par_iter()
+        .map(low)
+        .reduce(|| f64::INFINITY, f64::min)
 }
 
 /// How many frames of the motion are delivered.
@@ -122,6 +140,7 @@ fn own(options: &SimulateOptions, motion: Motion) -> Moving {
         motion,
         lead: 0,
         turned: 0.0,
+        floor: 0.0,
         warnings: Vec::new(),
     }
 }
@@ -138,6 +157,7 @@ fn built_in(
         motion: motion.map_err(|e| body_failure(&e))?,
         lead: 0,
         turned: 0.0,
+        floor: 0.0,
         warnings: Vec::new(),
     })
 }
@@ -166,12 +186,9 @@ fn unknown(asked: &str, hero: Option<&Hero>) -> Failure {
         .hint(hint)
 }
 
-fn no_recording(file: &str) -> Failure {
-    Failure::new(
-        Exit::Invalid,
-        "no-recording",
-        "a glTF file is no recording that our body can follow",
-    )
+fn no_recording(kind: &str, file: &str) -> Failure {
+    let what = format!("{kind} file is no recording that our body can follow");
+    Failure::new(Exit::Invalid, "no-recording", what)
     .at(file.to_owned())
     .hint(
         "export it as BVH; a character moves in an animation of its own file with --body FILE --motion NAME",
@@ -181,8 +198,14 @@ fn no_recording(file: &str) -> Failure {
 fn file(avatar: &Avatar, figure: &Figure, path: &Path) -> Result<Moving, Failure> {
     let input = read_file(path, MAX_BYTES).map_err(|e| file_failure(&e))?;
     let begins = |with: &[u8]| input.bytes.starts_with(with);
-    if begins(b"glTF") {
-        return Err(no_recording(&input.file));
+    for (magic, kind) in [
+        (&b"glTF"[..], "a glTF"),
+        (b"Kaydara FBX", "an FBX"),
+        (b"; FBX", "an FBX"),
+    ] {
+        if begins(magic) {
+            return Err(no_recording(kind, &input.file));
+        }
     }
     let (motion, warnings) = match begins(b"PK") {
         true => {
@@ -197,6 +220,7 @@ fn file(avatar: &Avatar, figure: &Figure, path: &Path) -> Result<Moving, Failure
         motion,
         lead: 0,
         turned: 0.0,
+        floor: 0.0,
         warnings,
     })
 }
@@ -217,9 +241,10 @@ fn recorded(
         // Limbs go on from frame to frame: the ones left out must not have been seen.
         recording.frames.drain(..false_start);
         motion = follow(&recording).map_err(|e| place(&e))?;
-        warnings.push(format!(
-            "the first {false_start} frames jump away and are left out"
-        ));
+        warnings.push(match false_start {
+            1 => "the first frame jumps away and is left out".into(),
+            n => format!("the first {n} frames jump away and are left out"),
+        });
     }
     let relax = |p: &mut Pose| p.relax_hands(avatar, figure);
     let relaxed = motion.poses.par_iter_mut().map(relax);

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use crate::drape::percentile_99;
 use crate::failure::{Exit, Failure};
 use crate::hero::Hero;
+use crate::table::Table;
 
 use super::reel::Told;
 use super::set::Set;
@@ -97,7 +98,8 @@ impl Quality {
             });
             met.collect()
         };
-        let strained = set.outfit.pieces.iter().enumerate().map(|(k, piece)| {
+        let named = set.outfit.pieces.iter().zip(set.outfit.names());
+        let strained = named.enumerate().map(|(k, (piece, name))| {
             let of = |i: usize| each.iter().map(move |e| e.0[k][i]);
             let limit = piece.fabric.strain_limit;
             let is_beyond = |x: &f64| limit.is_some_and(|l| *x > l + BEYOND_LIMIT);
@@ -106,7 +108,7 @@ impl Quality {
             Strained {
                 of_file: piece.sha256.is_some(),
                 tight: (0..each.len().min(told.len())).filter(is_tight).count(),
-                name: piece.garment.name.clone(),
+                name,
                 max: of(0).fold(0.0, f64::max),
                 p99: of(1).fold(0.0, f64::max),
                 limit,
@@ -160,8 +162,8 @@ impl Quality {
         Some(Failure::new(Exit::Quality, code, what).hint(hint))
     }
 
-    /// What the user should know.
-    pub fn warnings(&self, fps: f64) -> Vec<String> {
+    /// What the user should know; `can_cut`: whether garments can be asked for in another cut.
+    pub fn warnings(&self, fps: f64, can_cut: bool) -> Vec<String> {
         let mut out = Vec::new();
         let deep = |t: &Told| t.yielded > DEEP;
         if let Some(first) = self.told.iter().position(deep) {
@@ -180,7 +182,7 @@ impl Quality {
                 s.limit.unwrap_or(f64::NAN) * 100.0,
                 s.beyond,
                 s.max * 100.0,
-                s.room()
+                if can_cut { s.room() } else { "a larger --size" }
             ));
         }
         let met = self.shown.iter().filter(|n| **n > 0).count();
@@ -232,6 +234,23 @@ impl Quality {
         format!(
             "{touching} frames with cloth in the body, {crossed} with cloth in cloth; {again} solved again"
         )
+    }
+
+    /// What meets what, in rows of a table; `baked`: what the file is like that was made of the frames, if it does not
+    /// hold them as they are.
+    pub fn tell_contact(&self, table: &mut Table, baked: Option<String>) {
+        match baked {
+            None => {
+                table.row(["contact", &self.contact()]);
+            }
+            Some(told) => {
+                table.row([
+                    "contact",
+                    &format!("before it was baked {}", self.contact()),
+                ]);
+                table.row(["baked", &told]);
+            }
+        }
     }
 
     /// The figures for the report.
@@ -351,8 +370,8 @@ mod tests {
 
     #[test]
     fn a_body_that_passes_through_itself_is_told_with_its_time() {
-        assert!(quality(0.0, 0, 0.019).warnings(60.0).is_empty());
-        let told = quality(0.0, 0, 0.031).warnings(60.0);
+        assert!(quality(0.0, 0, 0.019).warnings(60.0, true).is_empty());
+        let told = quality(0.0, 0, 0.031).warnings(60.0, true);
         assert!(
             told[0].contains("2 frames, first at 0.00 s") && told[0].contains("31 mm"),
             "{told:?}"

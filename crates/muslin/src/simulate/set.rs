@@ -7,6 +7,7 @@ use muslin_geom::Drape;
 use muslin_io::{Clip, sha256};
 use muslin_model::Model;
 use muslin_sim::{Air, Cloth, Frame, Walk};
+use rayon::prelude::*;
 
 use crate::brought::dressed;
 use crate::drape::{cloth, cloth_of, put_on};
@@ -211,10 +212,11 @@ impl<'a> Set<'a> {
         self.stood.clone()
     }
 
-    /// Skin and eyes in a delivered frame [m], with the skin that the cloth lies on.
+    /// Skin and eyes in a delivered frame [m], with the skin that the cloth lies on, as [`clip`](Self::clip) has it.
     pub fn seen(&self, frame: usize, skin: &[DVec3]) -> Vec<DVec3> {
         let pose = &self.moving.motion.poses[self.moving.lead + frame];
         let mut verts = self.avatar.pose(&self.figure, pose).verts;
+        verts.iter_mut().for_each(|x| x.y -= self.moving.floor);
         verts[self.avatar.part(Part::Body)].copy_from_slice(skin);
         verts.truncate(self.avatar.part(Part::Eyes).end);
         verts
@@ -250,8 +252,10 @@ impl<'a> Set<'a> {
         Memory::of(self.moving.frames(), self.n_verts())
     }
 
-    /// The frames as a clip over the skin.
-    pub fn clip(&self, reel: Reel) -> Clip {
+    /// The frames as a clip over the skin, on a floor at zero.
+    pub fn clip(&self, mut reel: Reel) -> Clip {
+        let frames = reel.cloth.par_iter_mut().chain(&mut reel.body);
+        frames.flatten().for_each(|x| x.y -= self.moving.floor);
         Clip {
             drape: Drape {
                 parts: self.outfit.parts(),
@@ -296,7 +300,7 @@ impl<'a> Set<'a> {
             ("clothes", sha256(clothes.concat().as_bytes())),
             ("time", if self.bdf2 { "BDF2" } else { "Euler" }.to_owned()),
             (
-                "air",
+                "air or wind",
                 hash(
                     self.air
                         .wind

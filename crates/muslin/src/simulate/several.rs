@@ -247,6 +247,7 @@ mod tests {
             Ok(Outcome {
                 table: "t".into(),
                 json: "{}".into(),
+                fault: None,
             })
         };
         let bad = || {

@@ -23,7 +23,8 @@ pub(super) fn resume(
         return Ok(());
     }
     let input = read_file(part, MOST_BYTES).map_err(|e| file_failure(&e))?;
-    let mut kept = read_weights(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
+    let kept = read_weights(&input.file, &input.bytes);
+    let mut kept = kept.map_err(|e| file_failure(&e).hint("start again without --resume"))?;
     *safe = Safe::of(&mut kept);
     trainer
         .restore(&kept)

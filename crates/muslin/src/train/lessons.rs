@@ -150,16 +150,10 @@ impl Class {
 
     /// The files of the garments, of one `out` itself, of several `NAME.GARMENT.muslin`.
     pub fn files(&self, out: &Path) -> Vec<PathBuf> {
-        let one = |(k, part): (usize, &Part)| {
-            let before = self.parts[..k].iter().filter(|p| p.name == part.name);
-            match before.count() {
-                0 => out.with_extension(format!("{}.muslin", part.name)),
-                n => out.with_extension(format!("{}-{}.muslin", part.name, n + 1)),
-            }
-        };
+        let one = |part: &Part| out.with_extension(format!("{}.muslin", part.name));
         match self.parts.as_slice() {
             [_] => vec![out.to_owned()],
-            several => several.iter().enumerate().map(one).collect(),
+            several => several.iter().map(one).collect(),
         }
     }
 

@@ -255,9 +255,13 @@ impl TrainOptions {
         match wrong.into_iter().find(|w| w.1) {
             Some((option, _, whose)) => {
                 let what = format!("is for {whose}, and {own} is to be taught");
+                let hint = match self.system {
+                    Some(_) => "leave it out; published systems are as published".to_owned(),
+                    None => format!("leave it out, or name the system: muslin train {whose}"),
+                };
                 Err(Failure::new(Exit::Usage, "other-trainer", what)
                     .at(option)
-                    .hint("leave it out; published systems are as published"))
+                    .hint(hint))
             }
             None => Ok(()),
         }
