@@ -14,6 +14,9 @@ const PARTS: [(&str, &[usize]); 7] = [
     ("right foot", &[18, 22]),
 ];
 
+/// What follows the name of a part of the body that the points do not show.
+pub const UNSEEN: &str = ": hidden or unclear";
+
 /// A part whose points score less than this is guessed more than seen.
 const SEEN: f64 = 0.5;
 
@@ -45,7 +48,7 @@ pub fn list(evidence: &Evidence, options: &FitOptions) -> Vec<String> {
     for (part, markers) in PARTS {
         let score = |&k: &usize| evidence.marker(k).map_or(0.0, |s| s.score);
         if markers.iter().map(score).fold(1.0, f64::min) < SEEN {
-            doubts.push(format!("{part}: hidden or unclear"));
+            doubts.push(format!("{part}{UNSEEN}"));
         }
     }
     doubts

@@ -22,4 +22,5 @@ pub mod trial;
 mod upright;
 
 pub use camera::Camera;
+pub use doubts::UNSEEN;
 pub use error::FitError;

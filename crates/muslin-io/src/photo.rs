@@ -36,11 +36,11 @@ pub struct PhotoLimits {
 }
 
 impl Default for PhotoLimits {
-    /// 20 MiB, 40 million pixels, 16,384 pixels a side: above any phone's photo.
+    /// 40 MiB, 64 million pixels, 16,384 pixels a side: a phone's photo of 50 million pixels is no more.
     fn default() -> Self {
         Self {
-            bytes: 20 << 20,
-            pixels: 40_000_000,
+            bytes: 40 << 20,
+            pixels: 64_000_000,
             side: 16_384,
         }
     }

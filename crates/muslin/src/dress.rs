@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use muslin_body::{Avatar, Figure, Pose, Shape};
-use muslin_fit::Camera;
 use muslin_fit::detect::{Found, Models, Person as Seen, find_people};
 use muslin_fit::solve::{Fit, FitOptions, Fitter};
+use muslin_fit::{Camera, UNSEEN};
 use muslin_geom::{Image, Report, Value};
 use muslin_io::{
     Output, Photo, PhotoLimits, animated_png, flatten, glb, png, read_photo, report_json,
@@ -254,8 +254,6 @@ const STAGES: usize = 5;
 const TURNED: f64 = 0.25;
 /// The fitted body over the photo.
 const OVERLAY: &str = "overlay.png";
-/// How the fit says of a part of the body that it did not see it.
-const UNSEEN: &str = ": hidden or unclear";
 
 /// A body in its pose, as it fits a person.
 fn fitted(avatar: &Avatar, options: &DressOptions, seen: &Seen) -> Result<(Fit, Sitter), Failure> {
@@ -486,4 +484,30 @@ fn pictures(
         || png(&look::front(&stage)),
     );
     [front, turning]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_of_other_people_are_told_of_and_those_that_are_replaced_are_not() {
+        let out = std::env::temp_dir().join(format!("muslin-left-{}", std::process::id()));
+        let people = ["person-1", "person-2", "person-x"].map(|p| out.join(p));
+        assert_eq!(left_over(&out, &[]), Vec::<String>::new());
+        for folder in people.iter().chain([&out]) {
+            std::fs::create_dir_all(folder).expect("our own folder");
+            let report = "{\"files\": {\"look.glb\": 3}}";
+            std::fs::write(folder.join("report.json"), report).expect("it is written");
+        }
+        assert!(told_of(&out, "look.glb") && !told_of(&out, OVERLAY));
+        let left = left_over(&out, &[&people[0]]);
+        let of = |p: &Path| {
+            left.iter()
+                .any(|w| w.starts_with(&format!("{} has", p.display())))
+        };
+        assert_eq!(left.len(), 2, "{left:?}");
+        assert!(of(&out) && of(&people[1]));
+        std::fs::remove_dir_all(&out).expect("our own folder");
+    }
 }

@@ -14,7 +14,7 @@ pub struct Dress {
     #[arg(required_unless_present = "pose")]
     pub photo: Option<PathBuf>,
     /// Dress the standard body in a built-in pose instead of a photo (see `muslin list poses`).
-    #[arg(long, conflicts_with = "photo")]
+    #[arg(long, conflicts_with_all = ["photo", "overlay", "person"])]
     pub pose: Option<String>,
     /// Options shared with `demo`.
     #[command(flatten)]
