@@ -175,12 +175,18 @@ fn a_stopped_training_goes_on_to_the_same_bytes() {
         "{:?}",
         folder.names()
     );
-    let other = train(&broken, &["--steps", "31", "--resume"]);
-    assert_eq!(
-        other.status.code(),
-        Some(0),
-        "nothing is left of the first to go on from"
+    // What has ended is left as it is; another training begins anew.
+    let again = train(&broken, &["--steps", "30", "--resume"]);
+    let told = String::from_utf8_lossy(&again.stdout).into_owned();
+    assert!(
+        again.status.success() && told.contains("there already"),
+        "{told}"
     );
+    assert!(read(&whole) == read(&broken));
+    let other = train(&broken, &["--steps", "31", "--resume"]);
+    assert_eq!(other.status.code(), Some(0), "{}", errors(&other));
+    assert!(errors(&other).contains("nothing to go on from"));
+    assert!(read(&whole) != read(&broken));
 }
 
 #[test]

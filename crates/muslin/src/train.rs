@@ -13,7 +13,7 @@ mod told;
 pub(crate) mod variety;
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use muslin_body::{Avatar, Figure, Motion};
@@ -35,6 +35,7 @@ use crate::outfit::Outfit;
 use crate::simulate::expanded;
 use crate::size::Size;
 use crate::swings;
+use crate::table::Table;
 use crate::tell;
 use crate::watch::Watch;
 
@@ -76,15 +77,17 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
         times: Report::default(),
     };
     let kept = [beside(out, "part"), beside(out, "coarse.part")];
+    let figure = school.body(&avatar)?;
+    let (motions, sources) = school.motions(&avatar, &figure)?;
+    let (mut class, outfit) = school.garment(&avatar, &figure)?;
     if options.resume && !kept.iter().any(|p| p.exists()) {
-        finished(out)?;
+        if school.has_ended((&class, &sources), out) {
+            return Ok(school.ended(&class.files(out)));
+        }
         school
             .watch
             .warn("nothing to go on from; starting at the first step");
     }
-    let figure = school.body(&avatar)?;
-    let (motions, sources) = school.motions(&avatar, &figure)?;
-    let (mut class, outfit) = school.garment(&avatar, &figure)?;
     if let Some(edge) = options.coarse {
         let model = school.coarse((&avatar, &figure), &motions, (edge, &kept[1]))?;
         class.begun = Some(model);
@@ -95,16 +98,6 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
         Journal::remove(part).map_err(|e| file_failure(&e))?;
     }
     Ok(told)
-}
-
-/// Refuses to go on with what is done: its curve would be replaced by a new one's long before the model is.
-fn finished(out: &Path) -> Result<(), Failure> {
-    if !out.exists() {
-        return Ok(());
-    }
-    let what = "nothing is left to go on with: the training has ended";
-    let fault = Failure::new(Exit::Usage, "finished", what).at(out.display().to_string());
-    Err(fault.hint("leave out --resume to train it anew, or go on from it with --from"))
 }
 
 /// One course of steps: on coarse cloth, or on that which is asked for.
@@ -476,6 +469,32 @@ impl School<'_, '_> {
             ("muslin", env!("CARGO_PKG_VERSION").into()),
         ];
         notes.map(|(k, v)| (k.to_owned(), v)).into()
+    }
+
+    /// Whether the models at `out` are what this training ends with: to go on with it there is nothing to do.
+    fn has_ended(&self, (class, sources): (&Class, &[String]), out: &Path) -> bool {
+        let last = Told {
+            step: self.options.steps,
+            ..Told::default()
+        };
+        let is_done = |(k, file): (usize, &PathBuf)| {
+            let model = read_model(file).ok();
+            model.is_some_and(|model| {
+                let notes = self.notes((class, k), (&model.faces, sources), &last);
+                let same = |(name, value): (&String, &String)| model.notes.get(name) == Some(value);
+                notes.iter().all(same)
+            })
+        };
+        class.files(out).iter().enumerate().all(is_done)
+    }
+
+    /// What there is to be said of such a training.
+    fn ended(self, files: &[PathBuf]) -> Outcome {
+        let mut table = Table::new(&[]);
+        for file in files {
+            table.row(["there already", &file.display().to_string()]);
+        }
+        Outcome::new(table.text(), &self.report)
     }
 
     /// How the cloth came to follow the bones as it does.
