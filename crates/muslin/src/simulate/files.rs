@@ -199,15 +199,22 @@ fn glb(set: &Set, clip: &Clip, (bake, covered): (Bake, &[bool])) -> Result<Vec<u
     let poses = set.moving.motion.poses[set.moving.lead..]
         .iter()
         .step_by(step);
+    // The skin at rest stands on the floor as well, for who shows it as it was bound.
     let lowered = DAffine3::from_translation(DVec3::NEG_Y * set.moving.floor);
+    let raised = lowered.inverse();
     let bones = poses.map(|p| {
         let bones = set.avatar.bones(&set.figure, p);
-        rig.source.iter().map(|&b| lowered * bones[b]).collect()
+        let own = rig.source.iter().map(|&b| lowered * bones[b] * raised);
+        own.collect()
     });
+    let at_rest = |x: &DVec3| lowered.transform_point3(*x);
+    let rest: Vec<DVec3> = set.figure.verts.iter().map(at_rest).collect();
     let skin = Skinned {
         rig: &rig.rig,
-        heads: rig.source.iter().map(|&b| set.figure.joints[b]).collect(),
-        rest: &set.figure.verts,
+        heads: (rig.source.iter())
+            .map(|&b| at_rest(&set.figure.joints[b]))
+            .collect(),
+        rest: &rest,
         bones: bones.collect(),
     };
     let scene = Scene {
