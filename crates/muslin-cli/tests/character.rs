@@ -29,14 +29,10 @@ fn a_character_wears_a_tee_in_its_own_animation_and_keeps_its_skeleton() {
     let hero = character(&folder);
     let (out, npz) = (folder.at("dressed.glb"), folder.at("dressed.npz"));
     simulated(&format!(
-        "--body {hero} --motion simulation --seconds 0.2 --npz {npz} -o {out}"
+        "--body {hero} --motion wave --seconds 0.2 --npz {npz} -o {out}"
     ));
     let report = std::fs::read_to_string(folder.at("dressed.report.json")).expect("written");
-    for figure in [
-        "\"uncovered_percent\"",
-        "hero.glb",
-        "\"name\": \"simulation\"",
-    ] {
+    for figure in ["\"uncovered_percent\"", "hero.glb", "\"name\": \"wave\""] {
         assert!(report.contains(figure), "{figure} is missing:\n{report}");
     }
     // The skeleton plays what it played before.
@@ -44,7 +40,7 @@ fn a_character_wears_a_tee_in_its_own_animation_and_keeps_its_skeleton() {
     let (before, after) = (read(&hero), read(&out));
     assert_eq!(before.character.names, after.character.names);
     assert_eq!(before.character.faces, after.character.faces);
-    assert_eq!(after.clips, ["simulation"]);
+    assert_eq!(after.clips, ["wave"]);
     let play = |c: &muslin_io::CharacterFile| c.play(0, 30.0).expect("it plays");
     let (a, b) = (play(&before), play(&after));
     assert_eq!((a.len(), b.len()), (6, 6));
@@ -77,7 +73,7 @@ fn a_character_in_a_baked_garment_is_still_that_character() {
     let hero = character(&folder);
     let out = folder.at("baked.glb");
     simulated(&format!(
-        "--body {hero} --motion simulation --seconds 0.1 --bake bones:12 -o {out}"
+        "--body {hero} --motion wave --seconds 0.1 --bake bones:12 -o {out}"
     ));
     let read = |p: &str| read_character(Path::new(p)).expect("it can be read");
     let (before, after) = (read(&hero), read(&out));
@@ -260,7 +256,7 @@ fn in_a_program_a_character_s_joints_lead_the_cloth_that_animate_writes() {
     for height in [None, Some(2.1)] {
         let asked = height.map_or(String::new(), |h| format!("--height {}", h * 100.0));
         let line = format!(
-            "animate --body {hero} --garment tee --motion simulation --fps 30 --motion-level 0 --refine 0 {asked} --npz {npz} -o {out}"
+            "animate --body {hero} --garment tee --motion wave --fps 30 --motion-level 0 --refine 0 {asked} --npz {npz} -o {out}"
         );
         let done = typed(&line);
         assert_eq!(done.status.code(), Some(0), "{line}: {}", errors(&done));

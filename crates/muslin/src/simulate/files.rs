@@ -218,7 +218,7 @@ fn glb(set: &Set, clip: &Clip, (bake, covered): (Bake, &[bool])) -> Result<Vec<u
         bones: bones.collect(),
     };
     let scene = Scene {
-        name: "simulation".into(),
+        name: stem(Path::new(&set.moving.name)),
         copyright: Some(files::BODY_RIGHTS.into()),
         nodes: Vec::new(),
     };
