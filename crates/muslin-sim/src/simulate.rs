@@ -68,7 +68,7 @@ pub struct Moment<'a> {
 }
 
 /// Frames from one point where a simulation can be resumed to the next.
-pub const CHECKPOINT: usize = 10;
+pub const CHECKPOINT: usize = 30;
 
 /// Moves `cloth` with a body; hands every frame to `deliver`, which may stop the work.
 ///
