@@ -445,8 +445,7 @@ impl<'a, 'w> Job<'a, 'w> {
 
 /// Whether the report in a folder tells of a file of that name.
 fn told_of(folder: &Path, file: &str) -> bool {
-    let report = std::fs::read_to_string(folder.join("report.json")).unwrap_or_default();
-    report.contains(&format!("\"{file}\":"))
+    tell::tells_of(&folder.join("report.json"), file)
 }
 
 /// Results of earlier runs in `out` that those of `now` do not replace: of other people, perhaps.

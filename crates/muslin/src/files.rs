@@ -25,11 +25,12 @@ pub fn scene((avatar, sitter): (&Avatar, &Sitter), outfit: &Outfit, dressed: &Dr
         .zip(&outfit.pieces)
         .map(|(part, piece)| {
             let verts = lowered(&dressed.drape.frames[0][part.verts.clone()]);
-            let made = garment(piece, verts, &dressed.uv[part.faces.clone()]).0;
-            Node {
-                name: part.name.clone(),
-                ..made
-            }
+            garment(
+                (part.name.clone(), piece),
+                verts,
+                &dressed.uv[part.faces.clone()],
+            )
+            .0
         });
     Scene {
         name: "look".into(),
@@ -92,8 +93,12 @@ pub fn body(avatar: &Avatar, verts: &[DVec3]) -> (Node, Vec<u32>) {
     node.with_corner_uvs_and_sources(avatar.body_face_uvs(), &uvs)
 }
 
-/// A garment, and the vertex that each of the node's is a copy of.
-pub fn garment(piece: &Piece, verts: Vec<DVec3>, uv: &[[DVec2; 3]]) -> (Node, Vec<u32>) {
+/// A garment under a name, and the vertex that each of the node's is a copy of.
+pub fn garment(
+    (name, piece): (String, &Piece),
+    verts: Vec<DVec3>,
+    uv: &[[DVec2; 3]],
+) -> (Node, Vec<u32>) {
     let look = &piece.fabric.look;
     let colour = look.colour.map(display);
     let sheen = Sheen {
@@ -114,7 +119,7 @@ pub fn garment(piece: &Piece, verts: Vec<DVec3>, uv: &[[DVec2; 3]]) -> (Node, Ve
     };
     let (uv_faces, uvs) = corners(&piece.garment.faces, uv);
     let node = Node {
-        name: piece.garment.name.clone(),
+        name,
         mesh,
         material,
         ..Node::default()

@@ -259,6 +259,12 @@ pub fn written(out: &Path, written: &[(&'static str, usize)]) -> String {
     all.collect::<Vec<_>>().join("  ")
 }
 
+/// Whether a report, if there is one, tells of something by that name.
+pub fn tells_of(report: &Path, name: &str) -> bool {
+    let text = std::fs::read_to_string(report).unwrap_or_default();
+    text.contains(&format!("\"{name}\":"))
+}
+
 /// How reports name the photo that `demo` dresses.
 pub const BUILT_IN_PHOTO: &str = "the built-in photo";
 

@@ -76,6 +76,10 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
         report: Report::default(),
         times: Report::default(),
     };
+    school
+        .report
+        .set("options", asked(options))
+        .set("seed", options.seed as usize);
     let kept = [beside(out, "part"), beside(out, "coarse.part")];
     let figure = school.body(&avatar)?;
     let (motions, sources) = school.motions(&avatar, &figure)?;
@@ -160,9 +164,6 @@ impl School<'_, '_> {
             sources.push(seen.source);
         }
         let (motions, [seen, mixed]) = lessons::gathered(avatar, motions, self.options);
-        self.report
-            .set("options", asked(self.options))
-            .set("seed", self.options.seed as usize);
         let list = sources.iter().map(|s| Value::from(s.as_str()));
         let mut r = Report::default();
         r.set("motions", list.collect::<Vec<_>>());

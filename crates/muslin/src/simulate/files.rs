@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::{DAffine3, DVec3};
 use muslin_geom::Report;
 use muslin_io::{
-    Clip, Dressed, Moved, Node, Output, Scene, Skinned, animated_png, dressed_glb, moving_glb, png,
+    Clip, Dressed, Moved, Output, Scene, Skinned, animated_png, dressed_glb, moving_glb, png,
     report_json,
 };
 use rayon::prelude::*;
@@ -14,6 +14,7 @@ use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::files;
 use crate::hero::Hero;
+use crate::tell;
 
 use super::bake::{self, Judged};
 use super::set::Set;
@@ -127,8 +128,7 @@ pub fn make(
 /// The report beside the main file of a training, where this one's is to go, gets a name of its own; which, if there is one.
 pub fn make_way(out: &Path) -> Result<Option<String>, Failure> {
     let taken = beside(out, "report.json");
-    let report = std::fs::read_to_string(&taken).unwrap_or_default();
-    if !report.contains("\"learnt_from\":") {
+    if !tell::tells_of(&taken, "learnt_from") {
         return Ok(None);
     }
     let free = beside(out, "training.json");
@@ -179,16 +179,9 @@ fn glb(set: &Set, clip: &Clip, (bake, covered): (Bake, &[bool])) -> Result<Vec<u
     let body = body.without(is_covered);
     let parts = clip.garments().into_iter().zip(&set.outfit.pieces);
     let garments: Vec<Moved> = parts
-        .map(|((_, part), piece)| {
+        .map(|((name, part), piece)| {
             let verts = part.drape.frames[0].clone();
-            let (node, source) = files::garment(piece, verts, &piece.garment.uv);
-            let node = (
-                Node {
-                    name: part.drape.parts[0].name.clone(),
-                    ..node
-                },
-                source,
-            );
+            let node = files::garment((name, piece), verts, &piece.garment.uv);
             moved(node, bake.garment(&part, covered))
         })
         .collect();
@@ -200,7 +193,7 @@ fn glb(set: &Set, clip: &Clip, (bake, covered): (Bake, &[bool])) -> Result<Vec<u
         .iter()
         .step_by(step);
     // The skin at rest stands on the floor as well, for who shows it as it was bound.
-    let lowered = DAffine3::from_translation(DVec3::NEG_Y * set.moving.floor);
+    let lowered = DAffine3::from_translation(DVec3::NEG_Y * set.floor());
     let raised = lowered.inverse();
     let bones = poses.map(|p| {
         let bones = set.avatar.bones(&set.figure, p);

@@ -48,15 +48,18 @@ pub fn pictures((set, covered): Seen, clip: &Clip, (backdrop, turns): (Backdrop,
     };
     let shown: Vec<Seat> = (0..count).map(seat).collect();
     let near = following(set, clip, &shown);
+    // One floor for all frames: who jumps leaves it.
+    let floor = clip.body.par_iter().map(|b| look::lowest(b));
+    let floor = floor.reduce(|| f64::INFINITY, f64::min);
     let film = shown.par_iter().map(|seat| {
-        let scene = scene((set, covered), clip, (seat.frame, backdrop));
+        let scene = scene((set, covered), clip, (seat.frame, backdrop, floor));
         let camera = Camera {
             world_from_camera: seat.at(set) * near.world_from_camera,
             ..near.clone()
         };
         Stage::new(&scene, &Options::quick()).shoot(&camera)
     });
-    let scene = scene((set, covered), clip, (last, backdrop));
+    let scene = scene((set, covered), clip, (last, backdrop, floor));
     let stage = look::stage(&scene);
     let still = stage.shoot(&stage.frame(&look::view(SIDES[0])));
     Film {
@@ -86,7 +89,7 @@ impl Seat {
 fn scene(
     (set, covered): Seen,
     clip: &Clip,
-    (t, backdrop): (usize, Backdrop),
+    (t, backdrop, floor): (usize, Backdrop, f64),
 ) -> muslin_picture::Scene {
     let body = set.seen(t, &clip.body[t]);
     let cloth = &clip.drape.frames[t];
@@ -98,9 +101,6 @@ fn scene(
     }
     let faces = &mut scene.parts[0].faces;
     faces.retain(|f| !f.iter().all(is_covered));
-    // One floor for all frames: who jumps leaves it.
-    let floor = clip.body.iter().map(|b| look::lowest(b));
-    let floor = floor.fold(f64::INFINITY, f64::min);
     muslin_picture::Scene {
         ground: scene.ground.map(|_| Ground::at(floor)),
         ..scene

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use muslin_body::{Avatar, Figure, Motion, Part, Pose, motions, names, retarget};
+use muslin_body::{Avatar, Figure, Motion, Pose, motions, names, retarget};
 use muslin_geom::Report;
 use muslin_io::{bvh, read_file, read_poses};
 use rayon::prelude::*;
@@ -11,7 +11,6 @@ use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::figure::body_failure;
 use crate::hero::Hero;
-use crate::look::lowest;
 
 use super::{SimulateOptions, room};
 
@@ -27,9 +26,6 @@ pub struct Moving {
     pub lead: usize,
     /// By how much limbs were turned to make room for cloth at most [rad].
     pub turned: f64,
-    /// How high the lowest skin of its frames is [m]: in results that is where the floor lies, at zero. A character keeps its
-    /// own.
-    pub floor: f64,
     /// What the user should know of the file.
     pub warnings: Vec<String>,
 }
@@ -78,9 +74,6 @@ pub fn load(
             found.turned.to_degrees()
         ));
     }
-    if hero.is_none() {
-        found.floor = floor((avatar, figure), &cut);
-    }
     let (rest, _) = avatar.dressing(figure);
     found.lead = cut.steps_from(&rest, LEAD_IN).max(SHORTEST);
     found.motion = cut.with_lead_in(&rest, found.lead);
@@ -89,17 +82,6 @@ pub fn load(
         return Err(fault.at(found.name));
     }
     Ok(found)
-}
-
-/// How high the lowest skin of a motion is [m].
-fn floor((avatar, figure): (&Avatar, &Figure), motion: &Motion) -> f64 {
-    let skin = avatar.part(Part::Body);
-    let low = |pose: &Pose| lowest(&avatar.pose(figure, pose).verts[skin.clone()]);
-    motion
-        .poses
-        .par_iter()
-        .map(low)
-        .reduce(|| f64::INFINITY, f64::min)
 }
 
 /// How many frames of the motion are delivered.
@@ -140,7 +122,6 @@ fn own(options: &SimulateOptions, motion: Motion) -> Moving {
         motion,
         lead: 0,
         turned: 0.0,
-        floor: 0.0,
         warnings: Vec::new(),
     }
 }
@@ -157,7 +138,6 @@ fn built_in(
         motion: motion.map_err(|e| body_failure(&e))?,
         lead: 0,
         turned: 0.0,
-        floor: 0.0,
         warnings: Vec::new(),
     })
 }
@@ -220,7 +200,6 @@ fn file(avatar: &Avatar, figure: &Figure, path: &Path) -> Result<Moving, Failure
         motion,
         lead: 0,
         turned: 0.0,
-        floor: 0.0,
         warnings,
     })
 }

@@ -50,26 +50,26 @@ pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Resul
     bones.sort_unstable();
     bones.dedup();
     let body = Yielding::new(avatar, figure);
-    let ends = |k: usize| ends((avatar, figure), &motion.poses[k]);
-    let between = looks.windows(2).enumerate();
-    let between = between.map(|(i, pair)| {
-        Ok(passed(pair[0]..pair[1], ends)?
-            .into_iter()
-            .map(move |k| (i, k)))
+    let tips: Vec<usize> = ENDS
+        .iter()
+        .map(|name| avatar.bone(name))
+        .collect::<Result<_, _>>()?;
+    let ends = |k: usize| ends((avatar, figure), &tips, &motion.poses[k]);
+    // Frames, and the looks that each of them counts for: its own, or both that it lies between.
+    let own = looks.iter().enumerate().map(|(i, &k)| (k, i..=i));
+    let pairs = looks.windows(2).enumerate();
+    let between = pairs.flat_map(|(i, pair)| {
+        let passed = passed(pair[0]..pair[1], ends).into_iter();
+        passed.map(move |k| (k, i..=i + 1))
     });
-    let between: Vec<_> = between
-        .collect::<Result<Vec<_>, BodyError>>()?
-        .into_iter()
-        .flatten()
-        .collect();
-    let look = |&k: &usize| turns((&limbs, &bones), &body, &motion.poses[k]);
-    let mut needed: Vec<Turns> = looks.par_iter().map(look).collect::<Result<_, _>>()?;
-    let in_between = between.par_iter().map(|(i, k)| Ok((*i, look(k)?)));
-    for (i, turns) in in_between.collect::<Result<Vec<_>, BodyError>>()? {
-        for look in &mut needed[i..=i + 1] {
-            look.iter_mut()
-                .zip(&turns)
-                .for_each(|(a, b)| *a = larger(*a, *b));
+    let seen: Vec<_> = own.chain(between).collect();
+    let look = |(k, _): &(usize, _)| turns((&limbs, &bones), &body, &motion.poses[*k]);
+    let turned: Vec<Turns> = seen.par_iter().map(look).collect::<Result<_, _>>()?;
+    let mut needed = vec![vec![DVec3::ZERO; bones.len()]; looks.len()];
+    for ((_, counts), turns) in seen.into_iter().zip(&turned) {
+        for needed in &mut needed[counts] {
+            let both = needed.iter_mut().zip(turns);
+            both.for_each(|(a, b)| *a = larger(*a, *b));
         }
     }
     let led = faded(&held(&needed));
@@ -91,39 +91,29 @@ pub fn make_room(avatar: &Avatar, figure: &Figure, motion: &mut Motion) -> Resul
     Ok(largest)
 }
 
-/// Where hands and feet are, as the root sees them [m].
-fn ends(
-    (avatar, figure): (&Avatar, &Figure),
-    pose: &Pose,
-) -> Result<[DVec3; ENDS.len()], BodyError> {
+/// Where the joints `tips` are, as the root sees them [m].
+fn ends((avatar, figure): (&Avatar, &Figure), tips: &[usize], pose: &Pose) -> Vec<DVec3> {
     let bones = avatar.bones(figure, pose);
     let root = bones[0].inverse();
-    let mut at = [DVec3::ZERO; ENDS.len()];
-    for (at, name) in at.iter_mut().zip(ENDS) {
-        let bone = avatar.bone(name)?;
-        *at = root.transform_point3(bones[bone].transform_point3(figure.joints[bone]));
-    }
-    Ok(at)
+    let at = |&b: &usize| root.transform_point3(bones[b].transform_point3(figure.joints[b]));
+    tips.iter().map(at).collect()
 }
 
 /// The frames after the first of `frames` where one of the `ends` has gone far since the last of them, or since the first.
-fn passed(
-    frames: Range<usize>,
-    ends: impl Fn(usize) -> Result<[DVec3; ENDS.len()], BodyError>,
-) -> Result<Vec<usize>, BodyError> {
+fn passed(frames: Range<usize>, ends: impl Fn(usize) -> Vec<DVec3>) -> Vec<usize> {
     let mut found = Vec::new();
     if frames.len() < 2 {
-        return Ok(found);
+        return found;
     }
-    let mut last = ends(frames.start)?;
+    let mut last = ends(frames.start);
     for k in frames.skip(1) {
-        let now = ends(k)?;
+        let now = ends(k);
         if last.iter().zip(&now).any(|(a, b)| a.distance(*b) > PASSED) {
             found.push(k);
             last = now;
         }
     }
-    Ok(found)
+    found
 }
 
 /// The longer of two turns.
@@ -203,45 +193,42 @@ mod tests {
         turns.fold(0.0, f64::max)
     }
 
-    #[test]
-    fn an_arm_that_swings_into_the_hip_keeps_off_it_and_nothing_jumps() {
+    /// An arm brought down by so much [rad] in each of 41 poses: before and after room is made, by how much limbs were
+    /// turned for it at most, and still would be in one pose of either [rad].
+    fn brought_down(down: impl Fn(i32) -> f64, looked_at: usize) -> ([Motion; 2], f64, [f64; 2]) {
         let avatar = Avatar::embedded().expect("the embedded body decodes");
         let figure = avatar.figure(&Shape::default()).expect("a body");
-        let arm = avatar.bone("upperarm01.L").expect("an arm");
+        let arm = avatar.bone(ARM).expect("an arm");
         let pose = |k: i32| {
             let mut pose = Pose::rest(&avatar);
-            let down = (f64::from(k - 20) / 8.0).powi(2);
-            pose.rotations[arm] = DQuat::from_rotation_z(-0.85 * (-down).exp());
+            pose.rotations[arm] = DQuat::from_rotation_z(-down(k));
             pose
         };
         let (before, motion, turned) = made_room((&avatar, &figure), (0..41).map(pose));
         assert!((0.02..0.6).contains(&turned), "{turned}");
-        let left = left_to_make((&avatar, &figure), &motion.poses[20]);
-        assert!(left < 0.3 * turned, "{left} of {turned}");
-        assert!(jump(&motion, arm) < jump(&before, arm) + 0.05);
+        let limbs = Limbs::new(&avatar, [ROOM, SWUNG]).expect("limbs");
+        let left = [&before, &motion]
+            .map(|m| limbs.make_room(&mut m.poses[looked_at].clone(), &avatar, &figure));
+        ([before, motion], turned, left)
     }
 
-    /// By how much limbs would be turned off a pose still [rad].
-    fn left_to_make((avatar, figure): (&Avatar, &Figure), pose: &Pose) -> f64 {
-        let limbs = Limbs::new(avatar, [ROOM, SWUNG]).expect("limbs");
-        limbs.make_room(&mut pose.clone(), avatar, figure)
+    const ARM: &str = "upperarm01.L";
+
+    #[test]
+    fn an_arm_that_swings_into_the_hip_keeps_off_it_and_nothing_jumps() {
+        let down = |k: i32| 0.85 * (-(f64::from(k - 20) / 8.0).powi(2)).exp();
+        let ([before, motion], turned, [_, left]) = brought_down(down, 20);
+        assert!(left < 0.3 * turned, "{left} of {turned}");
+        let avatar = Avatar::embedded().expect("the embedded body decodes");
+        let arm = avatar.bone(ARM).expect("an arm");
+        assert!(jump(&motion, arm) < jump(&before, arm) + 0.05);
     }
 
     #[test]
     fn an_arm_that_is_in_the_hip_between_two_looks_alone_keeps_off_it() {
-        let avatar = Avatar::embedded().expect("the embedded body decodes");
-        let figure = avatar.figure(&Shape::default()).expect("a body");
-        let arm = avatar.bone("upperarm01.L").expect("an arm");
         // Every other of 30 frames a second is looked at.
-        let pose = |k: i32| {
-            let mut pose = Pose::rest(&avatar);
-            let down = if k == 21 { 0.85 } else { 0.3 };
-            pose.rotations[arm] = DQuat::from_rotation_z(-down);
-            pose
-        };
-        let (before, motion, turned) = made_room((&avatar, &figure), (0..41).map(pose));
-        assert!((0.02..0.6).contains(&turned), "{turned}");
-        let left = [&before, &motion].map(|m| left_to_make((&avatar, &figure), &m.poses[21]));
+        let down = |k: i32| if k == 21 { 0.85 } else { 0.3 };
+        let (_, _, left) = brought_down(down, 21);
         assert!(left[1] < 0.3 * left[0], "{left:?}");
     }
 

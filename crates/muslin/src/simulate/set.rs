@@ -1,5 +1,7 @@
 //! Everything that a simulation starts from: who, how they move, what they wear.
 
+use std::sync::OnceLock;
+
 use glam::{DAffine3, DVec3};
 use muslin_body::{Avatar, Cores, Figure, Part};
 use muslin_garment::Worn;
@@ -14,6 +16,7 @@ use crate::drape::{cloth, cloth_of, put_on};
 use crate::failure::Failure;
 use crate::figure::body_frame;
 use crate::hero::Hero;
+use crate::look::lowest;
 use crate::outfit::Outfit;
 use crate::wardrobe;
 
@@ -106,6 +109,8 @@ pub struct Set<'a> {
     pub air: Air,
     /// Whom the body stands for, if not for itself.
     pub hero: Option<&'a Hero>,
+    /// Found once it is asked for.
+    floor: OnceLock<f64>,
 }
 
 #[cfg(test)]
@@ -163,6 +168,7 @@ impl<'a> Set<'a> {
             bdf2: false,
             air: Air::STILL,
             hero: None,
+            floor: OnceLock::new(),
         }
     }
 
@@ -212,11 +218,26 @@ impl<'a> Set<'a> {
         self.stood.clone()
     }
 
+    /// How high the lowest skin of all delivered frames is [m]: in results that is where the floor lies, at zero. A character
+    /// keeps its own.
+    pub fn floor(&self) -> f64 {
+        let find = || {
+            let frames = (self.moving.lead..self.moving.motion.poses.len()).into_par_iter();
+            let low = frames.map(|k| lowest(&self.skin(k)));
+            low.reduce(|| f64::INFINITY, f64::min)
+        };
+        match self.hero {
+            Some(_) => 0.0,
+            None => *self.floor.get_or_init(find),
+        }
+    }
+
     /// Skin and eyes in a delivered frame [m], with the skin that the cloth lies on, as [`clip`](Self::clip) has it.
     pub fn seen(&self, frame: usize, skin: &[DVec3]) -> Vec<DVec3> {
         let pose = &self.moving.motion.poses[self.moving.lead + frame];
         let mut verts = self.avatar.pose(&self.figure, pose).verts;
-        verts.iter_mut().for_each(|x| x.y -= self.moving.floor);
+        let floor = self.floor();
+        verts.iter_mut().for_each(|x| x.y -= floor);
         verts[self.avatar.part(Part::Body)].copy_from_slice(skin);
         verts.truncate(self.avatar.part(Part::Eyes).end);
         verts
@@ -255,7 +276,8 @@ impl<'a> Set<'a> {
     /// The frames as a clip over the skin, on a floor at zero.
     pub fn clip(&self, mut reel: Reel) -> Clip {
         let frames = reel.cloth.par_iter_mut().chain(&mut reel.body);
-        frames.flatten().for_each(|x| x.y -= self.moving.floor);
+        let floor = self.floor();
+        frames.flatten().for_each(|x| x.y -= floor);
         Clip {
             drape: Drape {
                 parts: self.outfit.parts(),

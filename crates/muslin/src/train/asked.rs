@@ -1,6 +1,6 @@
 //! What a training was asked for, so that it can be asked for again.
 
-use muslin_train::published::{Course, StretchLaw, System};
+use muslin_train::published::{StretchLaw, System};
 
 use super::options::{Skinning, TrainOptions};
 
@@ -53,34 +53,28 @@ fn ours(options: &TrainOptions, say: &mut impl FnMut(&str, String)) {
 }
 
 fn theirs(options: &TrainOptions, system: System, say: &mut impl FnMut(&str, String)) {
-    let usual = Course::of(system);
-    say(
-        "rate",
-        options.rate.unwrap_or(f64::from(usual.rate)).to_string(),
-    );
+    let course = options.paper_course(system);
+    say("rate", course.rate.to_string());
     match system {
         System::Pbns => {
-            if options.stop_gradient {
+            if course.one_way {
                 say("stop-gradient", String::new());
             }
         }
         System::Snug => {
-            say("layers", options.layers.unwrap_or(usual.layers).to_string());
-            say("warm", options.warm.unwrap_or(usual.warm).to_string());
+            say("layers", course.layers.to_string());
+            say("warm", course.warm.to_string());
         }
         System::Ncs => {
-            say("width", options.width.unwrap_or(usual.width).to_string());
-            say(
-                "augment",
-                options.augment.unwrap_or(usual.augmented).to_string(),
-            );
-            let law = match options.stretch {
-                Some(StretchLaw::MassSpring) => "mass-spring",
-                Some(StretchLaw::StVk) => "stvk",
-                Some(StretchLaw::BaraffWitkin) | None => "baraff-witkin",
+            say("width", course.width.to_string());
+            say("augment", course.augmented.to_string());
+            let law = match course.stretch {
+                StretchLaw::MassSpring => "mass-spring",
+                StretchLaw::StVk => "stvk",
+                StretchLaw::BaraffWitkin => "baraff-witkin",
             };
             say("stretch", law.into());
-            if options.without_gravity {
+            if !course.gravity {
                 say("without-gravity", String::new());
             }
         }
@@ -112,6 +106,11 @@ mod tests {
         ] {
             assert!(ours.contains(option), "{option}: {ours}");
         }
+        let usual = asked(&TrainOptions {
+            system: Some(System::Pbns),
+            ..TrainOptions::default()
+        });
+        assert!(usual.contains("--rate 0.001 "), "{usual}");
         let snug = told(Some(System::Snug));
         assert!(
             snug.contains("--layers 4 --warm 30") && !snug.contains("--mixed"),

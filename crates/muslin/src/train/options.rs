@@ -402,6 +402,15 @@ impl TrainOptions {
 
     /// The course of a system in `fabric`, which is for SNUG alone.
     pub(super) fn course(&self, system: System, fabric: &Fabric) -> Course {
+        let is_own = system == System::Snug && fabric.name != PAPER_FABRIC;
+        Course {
+            sheet: is_own.then(|| isotropic(fabric)),
+            ..self.paper_course(system)
+        }
+    }
+
+    /// The course of a system in the fabric of its paper.
+    pub(super) fn paper_course(&self, system: System) -> Course {
         let usual = Course::of(system);
         Course {
             windows: if self.is_moving() {
@@ -415,8 +424,6 @@ impl TrainOptions {
             width: self.width.unwrap_or(usual.width),
             gravity: !self.without_gravity,
             augmented: self.augment.unwrap_or(usual.augmented),
-            sheet: (system == System::Snug && fabric.name != PAPER_FABRIC)
-                .then(|| isotropic(fabric)),
             stretch: self.stretch.unwrap_or(usual.stretch),
             skinning: self.learns_skinning(),
             one_way: self.stop_gradient,
