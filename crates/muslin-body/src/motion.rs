@@ -55,7 +55,9 @@ impl Motion {
         };
         // Easing makes the middle of the way half as fast again as its mean.
         let turns = 1.5 * widest_turn(rest, first) / most;
-        let ways = 1.5 * rest.root.distance(first.root) / far;
+        let shifts = (0..first.shifts.len()).map(|b| rest.shift(b).distance(first.shifts[b]));
+        let way = shifts.fold(rest.root.distance(first.root), f64::max);
+        let ways = 1.5 * way / far;
         turns.max(ways).ceil() as usize
     }
 
@@ -131,7 +133,10 @@ impl Motion {
         self.fps > 0.0
             && self.fps.is_finite()
             && self.poses.iter().all(|p| {
-                p.root.is_finite() && p.rotations.iter().all(|q| (q.length() - 1.0).abs() < 1e-6)
+                p.root.is_finite()
+                    && p.rotations.iter().all(|q| (q.length() - 1.0).abs() < 1e-6)
+                    && p.shifts.iter().all(|s| s.is_finite())
+                    && p.beyond.iter().all(|b| b.is_finite())
             })
     }
 }
@@ -154,6 +159,7 @@ mod tests {
         let pose = |i: usize| Pose {
             root: DVec3::new(i as f64 / fps, 0.0, 0.0),
             rotations: vec![DQuat::from_rotation_y(0.3 * i as f64 / fps)],
+            ..Pose::default()
         };
         Motion {
             fps,
@@ -181,11 +187,13 @@ mod tests {
             poses: vec![Pose {
                 root: DVec3::new(0.0, 0.0, 2.0),
                 rotations: vec![DQuat::from_rotation_x(2.0)],
+                ..Pose::default()
             }],
         };
         let rest = Pose {
             root: DVec3::ZERO,
             rotations: vec![DQuat::IDENTITY],
+            ..Pose::default()
         };
         let steps = motion.steps_from(&rest, (0.05, 1.0));
         let whole = motion.with_lead_in(&rest, steps);

@@ -3,7 +3,7 @@
 //! Every bone's rest frame is axis-aligned at its head, so identity rotations are the rest
 //! pose and a bone's rotation means the same whatever the shape:
 //!
-//! `world_from_bone(b) = world_from_bone(parent) · T(head_b − head_parent) · R(rotation_b)`
+//! `world_from_bone(b) = world_from_bone(parent) · T(head_b − head_parent + shift_b) · R(rotation_b)`
 //!
 //! where the first bone has `T(head + root)`. The skin follows
 //! `world_from_rest(b) = world_from_bone(b) · T(−head_b)` by linear blending.
@@ -13,12 +13,18 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use muslin_geom::vertex_normals;
 
 /// One stance of the full rig.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pose {
     /// Translation of the whole body [m].
     pub root: DVec3,
     /// One rotation per bone, in its parent's frame.
     pub rotations: Vec<DQuat>,
+    /// How far each bone's head is from its place at rest, in its parent's frame [m]; no entries where all are there. The
+    /// first bone has `root` instead.
+    pub shifts: Vec<DVec3>,
+    /// What each joint of a character does in the frame of the bone that takes it along ([`Twin::joints`](crate::Twin::joints));
+    /// no entries where they do nothing.
+    pub beyond: Vec<DAffine3>,
 }
 
 /// A figure in a pose.
@@ -36,17 +42,41 @@ impl Pose {
         Self {
             root: DVec3::ZERO,
             rotations: vec![DQuat::IDENTITY; avatar.rig().n_bones()],
+            shifts: Vec::new(),
+            beyond: Vec::new(),
         }
     }
 
-    /// `t` = 0 is this pose, 1 the other; rotations take the shorter way round.
+    /// `t` = 0 is this pose, 1 the other; rotations take the shorter way round, all else the straight one.
     pub fn toward(&self, other: &Pose, t: f64) -> Pose {
         let pairs = self.rotations.iter().zip(&other.rotations);
         Pose {
             root: self.root.lerp(other.root, t),
             rotations: pairs.map(|(a, b)| a.slerp(*b, t)).collect(),
+            shifts: between((&self.shifts, &other.shifts), DVec3::ZERO, |a, b| {
+                a.lerp(b, t)
+            }),
+            beyond: between((&self.beyond, &other.beyond), DAffine3::IDENTITY, |a, b| {
+                DAffine3 {
+                    matrix3: a.matrix3 * (1.0 - t) + b.matrix3 * t,
+                    translation: a.translation.lerp(b.translation, t),
+                }
+            }),
         }
     }
+
+    /// How far each bone's head is from its place at rest [m].
+    pub(crate) fn shift(&self, bone: usize) -> DVec3 {
+        self.shifts.get(bone).copied().unwrap_or(DVec3::ZERO)
+    }
+}
+
+/// Entries between two lists of which either may have none, which stands for `rest` everywhere.
+fn between<T: Copy>((a, b): (&[T], &[T]), rest: T, mix: impl Fn(T, T) -> T) -> Vec<T> {
+    let of = |list: &[T], k: usize| list.get(k).copied().unwrap_or(rest);
+    (0..a.len().max(b.len()))
+        .map(|k| mix(of(a, k), of(b, k)))
+        .collect()
 }
 
 impl Pose {
@@ -120,7 +150,10 @@ pub fn place_bones((bones, joints): (&[Bone], &[DVec3]), pose: &Pose, world: &mu
         let head = joints[b];
         let placed = match bone.parent {
             None => DAffine3::from_rotation_translation(turn, head + pose.root),
-            Some(p) => world[p] * DAffine3::from_rotation_translation(turn, head - joints[p]),
+            Some(p) => {
+                let place = head - joints[p] + pose.shift(b);
+                world[p] * DAffine3::from_rotation_translation(turn, place)
+            }
         };
         world.push(placed);
     }

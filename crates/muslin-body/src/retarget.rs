@@ -289,6 +289,8 @@ pub(crate) struct Roles {
     pub toe: [Option<Spot>; 2],
     pub arm: [[Spot; 3]; 2],
     pub hand: [Option<Spot>; 2],
+    /// The joint called hand that hangs from one called wrist, if so.
+    pub palm: [Option<usize>; 2],
     pub neck: Option<usize>,
     pub head: Option<Spot>,
 }
@@ -339,6 +341,10 @@ impl Roles {
             Spot::Head(wrist) => tip(skeleton, wrist),
             Spot::End(_) => None,
         };
+        let palm = |s: usize| {
+            let wrist = find(Some(s), &WRIST[..1])?;
+            find(Some(s), &WRIST[1..]).filter(|h| skeleton.parents[*h] == Some(wrist))
+        };
         let head = find(None, HEAD).map(Spot::Head);
         let (toe, hand) = ([toe(0), toe(1)], [hand(0), hand(1)]);
         Ok(Roles {
@@ -346,6 +352,7 @@ impl Roles {
             toe,
             arm,
             hand,
+            palm: [palm(0), palm(1)],
             neck: find(None, NECK),
             head,
         })

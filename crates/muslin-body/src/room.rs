@@ -82,7 +82,7 @@ impl Limbs {
                 room: legs,
                 others,
                 far: FAR,
-                out: Some(out),
+                way: Way::To(out),
             };
             limbs.push(Limb {
                 pivot: thigh,
@@ -96,7 +96,7 @@ impl Limbs {
                 room: forearms,
                 others,
                 far: FAR,
-                out: None,
+                way: Way::Nearest(out),
             };
             let mut skin = above(&of(&[arm]), ARM);
             let is_one_fold = |v: usize| chest.at_rest.closest(avatar.mean()[v], SAME).is_some();
@@ -106,7 +106,7 @@ impl Limbs {
                 room: -PRESS,
                 others: chest.clone(),
                 far: NEAR,
-                out: Some(out),
+                way: Way::To(out),
             };
             limbs.push(Limb {
                 pivot: arm,
@@ -158,8 +158,34 @@ struct Keep {
     others: Arc<Others>,
     /// How far these are looked for [m].
     far: f64,
-    /// Which way out, seen by the bone that the limb hangs on; none: whichever is nearest.
-    out: Option<DVec3>,
+    /// Which way out.
+    way: Way,
+}
+
+/// A way out of the body, seen by the bone that a limb hangs on.
+#[derive(Clone, Copy)]
+enum Way {
+    /// There.
+    To(DVec3),
+    /// Whichever is nearest, but from its own side, which is there, not to the other.
+    Nearest(DVec3),
+}
+
+impl Way {
+    /// The way from a point `p`, where `normal` is the nearest; `middle` is between both sides, and `frame` how the bone is
+    /// turned.
+    fn out(self, (p, normal): (DVec3, DVec3), (middle, frame): (DVec3, DQuat)) -> DVec3 {
+        match self {
+            Way::To(out) => frame * out,
+            Way::Nearest(side) => {
+                let side = frame * side;
+                match (p - middle).dot(side) > 0.0 {
+                    true => normal - side * normal.dot(side).min(0.0),
+                    false => normal,
+                }
+            }
+        }
+    }
 }
 
 /// A part of the body, ready to be moved into poses, and whether its triangles end where it was
@@ -197,7 +223,9 @@ impl Limb {
             let skin = &posed.verts[avatar.part(Part::Body)];
             let joint = posed.bones[self.pivot].transform_point3(figure.joints[self.pivot]);
             let frame = parent_turn(avatar.rig(), &posed.bones, self.pivot);
-            let turns = (self.keeps.iter()).filter_map(|keep| keep.turn_out(skin, (joint, frame)));
+            let middle = posed.bones[0].transform_point3(figure.joints[0]);
+            let from = (joint, middle, frame);
+            let turns = (self.keeps.iter()).filter_map(|keep| keep.turn_out(skin, from));
             let Some((turn, angle)) = turns.max_by(|a, b| a.1.total_cmp(&b.1)) else {
                 break;
             };
@@ -214,11 +242,15 @@ impl Limb {
 
 impl Keep {
     /// The turn about `joint` that frees what is deepest, and its angle [rad]; none if all is free.
-    /// `frame`: how the bone that the limb hangs on is turned.
-    fn turn_out(&self, skin: &[DVec3], (joint, frame): (DVec3, DQuat)) -> Option<(DQuat, f64)> {
+    /// `middle`: where the body's is, `frame`: how the bone that the limb hangs on is turned.
+    fn turn_out(
+        &self,
+        skin: &[DVec3],
+        (joint, middle, frame): (DVec3, DVec3, DQuat),
+    ) -> Option<(DQuat, f64)> {
         let (lack, p, normal) = self.worst(skin, STRIDE)?;
         let lever = p - joint;
-        let axis = lever.cross(self.out.map_or(normal, |out| frame * out));
+        let axis = lever.cross(self.way.out((p, normal), (middle, frame)));
         // A push along the limb cannot be answered by a turn of it.
         let reach = axis.length().max(0.3 * lever.length());
         let angle = ((lack + 1e-3) / reach).min(TURN);
@@ -275,6 +307,19 @@ mod tests {
         assert!(turn > 0.02 && turn < MOST, "{turn}");
         let left = lack(arm, &avatar, &figure, &pose);
         assert!(left < 0.003, "{left}");
+    }
+
+    #[test]
+    fn an_arm_on_its_own_side_is_not_sent_to_the_other() {
+        let (left, middle) = (DVec3::X, DVec3::new(0.0, 0.9, 0.0));
+        let frame = DQuat::from_rotation_y(0.3);
+        let back_and_in = frame * DVec3::new(-0.6, 0.0, -0.8);
+        let out = |p: DVec3| Way::Nearest(left).out((p, back_and_in), (middle, frame));
+        let on_own_side = out(middle + frame * DVec3::new(0.1, -0.2, -0.05));
+        assert!(on_own_side.distance(frame * DVec3::new(0.0, 0.0, -0.8)) < 1e-12);
+        assert_eq!(out(middle - frame * DVec3::X * 0.1), back_and_in);
+        let ahead = Way::To(DVec3::Z).out((middle, back_and_in), (middle, frame));
+        assert!(ahead.distance(frame * DVec3::Z) < 1e-12);
     }
 
     #[test]

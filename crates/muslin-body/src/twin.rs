@@ -13,13 +13,16 @@ mod maker;
 mod warp;
 mod wrap;
 
-use glam::{DAffine3, DQuat, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use crate::pose::blended;
 use crate::{Avatar, BodyError, Character, Pose, Shape};
 pub use follower::Follower;
 pub(crate) use joints::Joints;
 use maker::Maker;
+
+/// The size that is left of a joint that is shrunk to nothing.
+const HIDDEN: f64 = 1e-3;
 
 /// A character that can wear what our body can.
 #[derive(Clone, Debug)]
@@ -37,7 +40,8 @@ pub struct Twin {
     on_skin: Vec<Option<([u32; 3], [f64; 3])>>,
     bound: Vec<DAffine3>,
     joints: Vec<DAffine3>,
-    parents: Vec<Option<usize>>,
+    /// The joint that turns each of our bones, if one.
+    leads: Vec<Option<usize>>,
 }
 
 impl Twin {
@@ -52,8 +56,19 @@ impl Twin {
     }
 
     /// `world_from_joint` of every joint of the character when our bones are moved by `bones`
-    /// ([`Posed::bones`]). Joints that the hips hang from stay.
-    pub fn joints(&self, bones: &[DAffine3]) -> Vec<DAffine3> {
+    /// ([`Posed::bones`](crate::Posed::bones)) and its joints do `beyond` ([`Pose::beyond`]) in the frames of those that they
+    /// go with. Joints that the hips hang from stay.
+    pub fn joints(&self, bones: &[DAffine3], beyond: &[DAffine3]) -> Vec<DAffine3> {
+        let taken = self.taken(bones).into_iter().enumerate();
+        let moved = taken.map(|(j, place)| match beyond.get(j) {
+            Some(own) => place * *own,
+            None => place,
+        });
+        moved.collect()
+    }
+
+    /// Where our bones alone take the joints.
+    fn taken(&self, bones: &[DAffine3]) -> Vec<DAffine3> {
         let moved = |(j, follows): (&DAffine3, &Option<usize>)| match follows {
             Some(b) => bones[*b] * self.bound[*b].inverse() * *j,
             None => *j,
@@ -61,16 +76,34 @@ impl Twin {
         self.joints.iter().zip(&self.follows).map(moved).collect()
     }
 
-    /// The character's vertices [m] when our bones are moved by `bones` and our skin from where they
-    /// take it by `yielded` [m] (nothing, or one for each of its vertices).
+    /// What joints at `joints` (`world_from_joint`) do beyond where our bones take them ([`Pose::beyond`]). A joint that is
+    /// shrunk to nothing, to hide what hangs on it, is left with a thousandth.
+    pub fn beyond(&self, bones: &[DAffine3], joints: &[DAffine3]) -> Vec<DAffine3> {
+        let pairs = self.taken(bones).into_iter().zip(joints);
+        let own = pairs.zip(&self.follows).map(|((taken, now), follows)| {
+            let own = taken.inverse() * *now;
+            match follows {
+                None => DAffine3::IDENTITY,
+                Some(_) if own.matrix3.determinant().abs() > HIDDEN.powi(3) => own,
+                Some(_) => DAffine3 {
+                    matrix3: DMat3::from_diagonal(DVec3::splat(HIDDEN)),
+                    translation: own.translation,
+                },
+            }
+        });
+        own.collect()
+    }
+
+    /// The character's vertices [m] where its joints are at `joints` ([`Twin::joints`]) and our skin has given way from where
+    /// our bones take it by `yielded` [m] (nothing, or one for each of its vertices).
     pub fn posed(
         &self,
         character: &Character,
-        bones: &[DAffine3],
+        joints: &[DAffine3],
         yielded: &[DVec3],
     ) -> Vec<DVec3> {
-        let pairs = self.joints(bones).into_iter().zip(&self.joints);
-        let moved: Vec<DAffine3> = pairs.map(|(now, bound)| now * bound.inverse()).collect();
+        let pairs = joints.iter().zip(&self.joints);
+        let moved: Vec<DAffine3> = pairs.map(|(now, bound)| *now * bound.inverse()).collect();
         let rows = character.verts.iter().zip(character.weights.rows());
         let places = rows.map(|(p, row)| blended(row, &moved).transform_point3(*p));
         places

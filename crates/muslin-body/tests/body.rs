@@ -24,6 +24,7 @@ fn twisted() -> Pose {
     Pose {
         root: DVec3::new(0.1, 0.2, -0.3),
         rotations,
+        ..Pose::default()
     }
 }
 

@@ -107,8 +107,8 @@ fn our_skin_lies_over_a_heavy_person_s_in_any_pose_and_its_joints_come_back() {
     for stance in ["stand", "walk", "sit"] {
         let pose = Pose::stance(&twin.avatar, &figure, stance).expect("built in");
         let posed = twin.avatar.pose(&figure, &pose);
-        let joints = twin.joints(&posed.bones);
-        let verts = twin.posed(&character, &posed.bones, &[]);
+        let joints = twin.joints(&posed.bones, &[]);
+        let verts = twin.posed(&character, &joints, &[]);
         for (a, b) in verts.iter().zip(skinned(&character, &joints)) {
             assert!(a.distance(b) < 1e-9, "{stance}: {a} {b}");
         }
@@ -132,7 +132,7 @@ fn our_skin_lies_over_a_heavy_person_s_in_any_pose_and_its_joints_come_back() {
         assert!(away.len() > 2000 && share < 0.02, "{stance}: {share}");
         // The pose is found again from where the joints are.
         let again = twin.pose_of(&joints);
-        let back = twin.joints(&twin.avatar.bones(&figure, &again));
+        let back = twin.joints(&twin.avatar.bones(&figure, &again), &[]);
         for (name, (a, b)) in JOINTS.iter().zip(joints.iter().zip(&back)) {
             let (off, turn) = (
                 a.translation.distance(b.translation),
@@ -145,6 +145,77 @@ fn our_skin_lies_over_a_heavy_person_s_in_any_pose_and_its_joints_come_back() {
             );
         }
     }
+}
+
+#[test]
+fn joints_that_move_apart_take_our_bones_along_and_what_leads_none_does_what_it_did() {
+    let mut kept = JOINTS.to_vec();
+    kept.push("finger3-1.L");
+    let character = person(&kept);
+    let (twin, figure) = twin(&character);
+    // As it was bound nothing is apart, and bones have their heads where joints are.
+    let bound = twin.pose_of(twin.stance());
+    assert!(bound.shifts.is_empty());
+    let bones = twin.avatar.bones(&figure, &bound);
+    for (name, joint) in JOINTS.iter().zip(twin.stance()) {
+        let b = twin.avatar.bone(name).expect("a bone");
+        let off = bones[b]
+            .transform_point3(figure.joints[b])
+            .distance(joint.translation);
+        assert!(off < 1e-6, "{name}: {off}");
+    }
+    let walk = Pose::stance(&twin.avatar, &figure, "walk").expect("built in");
+    let mut joints = twin.joints(&twin.avatar.bones(&figure, &walk), &[]);
+    let of = |name: &str| kept.iter().position(|k| *k == name).expect("a joint");
+    let apart = DVec3::new(0.04, 0.03, -0.02);
+    for name in ["upperarm01.L", "lowerarm01.L", "wrist.L", "finger3-1.L"] {
+        joints[of(name)].translation += apart;
+    }
+    let finger = of("finger3-1.L");
+    joints[finger] *= DAffine3::from_scale_rotation_translation(
+        DVec3::new(1.0, 2.0, 1.0),
+        DQuat::from_rotation_x(1.0),
+        DVec3::X * 0.01,
+    );
+    let pose = twin.pose_of(&joints);
+    let bones = twin.avatar.bones(&figure, &pose);
+    let same = |a: &DAffine3, b: &DAffine3| a.abs_diff_eq(*b, 1e-6);
+    let led = twin.joints(&bones, &[]);
+    for (j, name) in kept.iter().enumerate() {
+        assert_eq!(same(&led[j], &joints[j]), j != finger, "{name}");
+    }
+    let beyond = twin.beyond(&bones, &joints);
+    let whole = twin.joints(&bones, &beyond);
+    assert!(whole.iter().zip(&joints).all(|(a, b)| same(a, b)));
+    // The skin of the arm goes with it, as far as no other joint holds it.
+    let before = twin.avatar.pose(
+        &figure,
+        &twin.pose_of(&twin.joints(&twin.avatar.bones(&figure, &walk), &[])),
+    );
+    let after = twin.avatar.pose(&figure, &pose);
+    let forearm = twin.avatar.bone("lowerarm01.L").expect("a bone") as u32;
+    let only = |row: &[(u32, f64)]| row.iter().all(|w| w.0 == forearm || w.1 < 1e-3);
+    let rows = twin.avatar.rig().weights.rows().enumerate();
+    let whole = rows.filter(|(v, row)| twin.avatar.part(Part::Body).contains(v) && only(row));
+    let off = whole.map(|(v, _)| (after.verts[v] - before.verts[v]).distance(apart));
+    let off: Vec<f64> = off.collect();
+    let worst = off.iter().copied().fold(0.0, f64::max);
+    assert!(off.len() > 20 && worst < 1e-9, "{} {worst}", off.len());
+    // Halfway is halfway, from a pose without any as well.
+    let half = twin.pose_of(twin.stance()).toward(
+        &Pose {
+            beyond,
+            ..pose.clone()
+        },
+        0.5,
+    );
+    let arm = twin.avatar.bone("upperarm01.L").expect("a bone");
+    assert!(half.shifts[arm].distance(0.5 * pose.shifts[arm]) < 1e-12);
+    // What is hidden by shrinking it to nothing has a size that can be undone.
+    joints[finger].matrix3 = glam::DMat3::ZERO;
+    let hidden = twin.joints(&bones, &twin.beyond(&bones, &joints))[finger];
+    assert!(hidden.translation.distance(joints[finger].translation) < 1e-6);
+    assert!(hidden.inverse().is_finite() && hidden.matrix3.x_axis.length() < 2e-3);
 }
 
 #[test]

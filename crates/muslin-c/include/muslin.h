@@ -87,8 +87,8 @@ int muslin_frame_with_normals(muslin_garment *garment, const float *turns, const
                               float *normals);
 
 /* The cloth where the character's joints are next. `joints`: a matrix a joint, from the joint to the world of the
- * character's file, of which turns are taken, and the place of the hips; joints that move apart are not followed. The
- * vertices are in that world as well; `normals` may be NULL. Else as muslin_frame; 1 on our own body. */
+ * character's file, of which turns and places are taken; of joints that lead none of our bones (fingers, sockets)
+ * nothing is. The vertices are in that world as well; `normals` may be NULL. Else as muslin_frame; 1 on our own body. */
 int muslin_frame_on(muslin_garment *garment, const float *joints, float *vertices, float *normals);
 
 #ifdef __cplusplus

@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::{Folder, errors, muslin, typed};
-use glam::{DMat4, DVec3};
+use glam::{DAffine3, DMat4, DVec3};
 use muslin::{DressOptions, Playing, Wear};
 use muslin_io::{read_character, read_clip};
 
@@ -65,6 +65,69 @@ fn a_character_wears_a_tee_in_its_own_animation_and_keeps_its_skeleton() {
     let pairs = clip.drape.frames[5].iter().zip(&arrays.drape.frames[5]);
     let off = pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
     assert!(off < 1e-4, "{off}");
+}
+
+#[test]
+fn joints_of_a_character_s_own_animation_move_apart_grow_and_turn_as_they_did() {
+    let Some(data) = std::env::var_os("MUSLIN_DATA").map(std::path::PathBuf::from) else {
+        return println!("skipped: needs MUSLIN_DATA");
+    };
+    let knight = data.join("characters/kaykit/Knight.glb");
+    let folder = Folder::new("knight");
+    let out = folder.at("knight.glb");
+    let line = format!(
+        "animate --body {} --garment tee --motion Unarmed_Melee_Attack_Punch_B --seconds 0.5 --fps 30 --refine 0 -o {out}",
+        knight.display()
+    );
+    let done = typed(&line);
+    assert_eq!(done.status.code(), Some(0), "{line}: {}", errors(&done));
+    let (before, after) = (
+        read_character(&knight).expect("it can be read"),
+        read_character(Path::new(&out)).expect("it can be read"),
+    );
+    let clip = before
+        .clips
+        .iter()
+        .position(|c| c == "Unarmed_Melee_Attack_Punch_B");
+    let had = before
+        .play(clip.expect("its animation"), 30.0)
+        .expect("it plays");
+    let has = after.play(0, 30.0).expect("it plays");
+    // Seen from the joint that each hangs on; arms and legs as wholes are turned to make room.
+    let names = &before.character.names;
+    let own = |j: usize| {
+        let stays = ["root", "hips", "control", "IK"]
+            .iter()
+            .any(|n| names[j].contains(n));
+        !stays && !names[j].starts_with("upper")
+    };
+    let joints: Vec<(usize, usize)> = (0..names.len())
+        .filter(|j| own(*j))
+        .filter_map(|j| Some((j, before.character.parents[j]?)))
+        .collect();
+    assert!(joints.len() >= 15 && has.len() == 15);
+    let mut gone = 0.0f64;
+    for (had, has) in had.iter().zip(&has) {
+        for &(j, parent) in &joints {
+            let (a, b) = (
+                had[parent].inverse() * had[j],
+                has[parent].inverse() * has[j],
+            );
+            assert!(a.abs_diff_eq(b, 2e-4), "{}: {a:?} {b:?}", names[j]);
+        }
+        let shoulder = names
+            .iter()
+            .position(|n| n == "upperarm.r")
+            .expect("a shoulder");
+        let chest = before.character.parents[shoulder].expect("a chest");
+        let place = |all: &[DAffine3]| {
+            let inside = all[chest].inverse();
+            inside.transform_point3(all[shoulder].translation)
+        };
+        assert!(place(had).distance(place(has)) < 2e-4);
+        gone = gone.max(place(has).distance(place(&before.character.bound)));
+    }
+    assert!(gone > 0.1, "a shoulder leaves its socket by {gone}");
 }
 
 #[test]

@@ -169,7 +169,7 @@ impl<'a> Skinned<'a> {
 fn over_origin(pose: &Pose) -> Pose {
     Pose {
         root: DVec3::ZERO,
-        rotations: pose.rotations.clone(),
+        ..pose.clone()
     }
 }
 

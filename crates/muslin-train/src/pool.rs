@@ -104,9 +104,15 @@ fn mirrored(pose: &Pose, twins: &[usize]) -> Pose {
         let q = pose.rotations[*b];
         DQuat::from_xyzw(q.x, -q.y, -q.z, q.w)
     };
+    let across = |b: &usize| pose.shifts[*b].with_x(-pose.shifts[*b].x);
     Pose {
         root: pose.root.with_x(-pose.root.x),
         rotations: twins.iter().map(flip).collect(),
+        shifts: match pose.shifts.is_empty() {
+            true => Vec::new(),
+            false => twins.iter().map(across).collect(),
+        },
+        beyond: Vec::new(),
     }
 }
 

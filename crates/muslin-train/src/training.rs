@@ -79,6 +79,7 @@ fn fingerprint<'a>(lesson: &Lesson<'_>, poses: impl Iterator<Item = &'a Pose>) -
     let turns = |p: &Pose| -> Vec<f64> {
         let root = p.root.to_array().into_iter();
         root.chain(p.rotations.iter().flat_map(|q| q.to_array()))
+            .chain(p.shifts.iter().flat_map(|s| s.to_array()))
             .collect()
     };
     let cloth = lesson.cloth;

@@ -79,10 +79,16 @@ impl Hero {
         };
         let frames = self.file.play(clip, fps).map_err(|e| file_failure(&e))?;
         let (mut follower, mut pose) = (self.twin.follower(), Pose::rest(&self.twin.avatar));
+        let figure = self.twin.avatar.figure(&Shape::default());
+        let figure = figure.map_err(|e| body_failure(&e))?;
         let poses = frames.iter().map(|joints| {
             let ours: Vec<DAffine3> = joints.iter().map(|j| self.ours_from_file * *j).collect();
             follower.follow(&ours, &mut pose);
-            pose.clone()
+            let bones = self.twin.avatar.bones(&figure, &pose);
+            Pose {
+                beyond: self.twin.beyond(&bones, &ours),
+                ..pose.clone()
+            }
         });
         Ok(Some(Motion {
             fps,

@@ -229,7 +229,8 @@ impl Playing {
     /// matrices, in the places and the unit of its file, in which the cloth is as well. None on our own body, and as in
     /// [`Playing::frame`].
     ///
-    /// Only turns are taken, and the place of the hips: joints that move apart are not followed.
+    /// Turns are taken, and places, also where joints move apart; of joints that lead no bone of ours (fingers, sockets)
+    /// nothing is.
     ///
     /// # Panics
     /// Where `joints` has not one entry per joint.

@@ -5,61 +5,63 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use super::Twin;
 use crate::Pose;
 
-/// Our pose where a character's joints are, without taking memory.
+/// Our pose where a character's joints are, without taking memory after the first.
 ///
-/// Only turns are taken, and the place of the hips: joints that move apart are not followed.
+/// Bones that a joint leads are turned as it is and have their heads where it takes them, however far joints move apart;
+/// of joints that lead no bone nothing is taken.
 #[derive(Clone, Debug)]
 pub struct Follower {
     bones: Vec<Follows>,
-    root: Option<Root>,
-    /// How our bones are turned now.
-    world: Vec<DQuat>,
+    /// How our bones are turned now, and where their heads are [m].
+    world: Vec<(DQuat, DVec3)>,
 }
 
-/// How one of our bones is turned.
+/// What moves one of our bones.
 #[derive(Clone, Debug)]
 struct Follows {
     parent: Option<usize>,
-    /// The joint that turns it, and our bone in the frame of that joint.
-    joint: Option<(usize, DQuat)>,
-    /// Its turn in its parent's frame where no joint does.
+    /// From its parent's head to its own at rest; from the origin where there is no parent [m].
+    offset: DVec3,
+    joint: Option<Led>,
+    /// Its turn in its parent's frame where no joint leads it.
     still: DQuat,
 }
 
-/// What moves the hips.
+/// A bone in the frame of the joint that leads it.
 #[derive(Clone, Debug)]
-struct Root {
+struct Led {
     joint: usize,
-    /// Where the hips are in its frame, and at rest [m].
-    inside: DVec3,
-    rest: DVec3,
+    turn: DQuat,
+    head: DVec3,
 }
+
+/// Heads nearer than this to their places at rest [m] are there.
+const THERE: f64 = 1e-5;
 
 impl Follower {
     pub(super) fn new(twin: &Twin) -> Self {
         let rig = twin.avatar.rig();
-        let mut by: Vec<Option<usize>> = vec![None; rig.n_bones()];
-        for (j, b) in twin.follows.iter().enumerate() {
-            let is_first = twin.parents[j].is_none_or(|p| twin.follows[p] != *b);
-            if let (Some(b), true) = (b, is_first) {
-                by[*b].get_or_insert(j);
+        let head = |b: usize| twin.avatar.mean()[twin.avatar.head_point(b)];
+        let one = |b: usize| {
+            let parent = rig.bones[b].parent;
+            let led = |joint: usize| {
+                let inside = twin.joints[joint].inverse() * twin.bound[b];
+                Led {
+                    joint,
+                    turn: turn(&twin.joints[joint]).inverse() * turn(&twin.bound[b]),
+                    head: inside.transform_point3(head(b)),
+                }
+            };
+            Follows {
+                parent,
+                offset: head(b) - parent.map_or(DVec3::ZERO, head),
+                joint: twin.leads[b].map(led),
+                still: twin.still(b),
             }
-        }
-        let one = |b: usize| Follows {
-            parent: rig.bones[b].parent,
-            joint: by[b].map(|j| (j, turn(&twin.joints[j]).inverse() * turn(&twin.bound[b]))),
-            still: twin.still(b),
         };
-        let rest = twin.avatar.mean()[twin.avatar.head_point(0)];
-        let root = by[0].map(|joint| Root {
-            joint,
-            inside: (twin.joints[joint].inverse() * twin.bound[0]).transform_point3(rest),
-            rest,
-        });
         Self {
             bones: (0..rig.n_bones()).map(one).collect(),
-            root,
-            world: vec![DQuat::IDENTITY; rig.n_bones()],
+            world: vec![(DQuat::IDENTITY, DVec3::ZERO); rig.n_bones()],
         }
     }
 
@@ -68,17 +70,31 @@ impl Follower {
     /// # Panics
     /// Where there are fewer joints than the character has, or `pose` is of another skeleton.
     pub fn follow(&mut self, joints: &[DAffine3], pose: &mut Pose) {
+        pose.root = DVec3::ZERO;
+        pose.shifts.clear();
+        pose.shifts.resize(self.bones.len(), DVec3::ZERO);
         for (b, bone) in self.bones.iter().enumerate() {
-            let above = bone.parent.map_or(DQuat::IDENTITY, |p| self.world[p]);
-            self.world[b] = match bone.joint {
-                Some((j, inside)) => turn(&joints[j]) * inside,
-                None => above * bone.still,
+            let (frame, from) =
+                (bone.parent).map_or((DQuat::IDENTITY, DVec3::ZERO), |p| self.world[p]);
+            let rest = from + frame * bone.offset;
+            self.world[b] = match &bone.joint {
+                Some(led) => {
+                    let joint = &joints[led.joint];
+                    (turn(joint) * led.turn, joint.transform_point3(led.head))
+                }
+                None => (frame * bone.still, rest),
             };
-            pose.rotations[b] = (above.inverse() * self.world[b]).normalize();
+            let (now, head) = self.world[b];
+            pose.rotations[b] = (frame.inverse() * now).normalize();
+            let shift = frame.inverse() * (head - rest);
+            match bone.parent {
+                None => pose.root = shift,
+                Some(_) => pose.shifts[b] = shift,
+            }
         }
-        pose.root = self.root.as_ref().map_or(DVec3::ZERO, |root| {
-            joints[root.joint].transform_point3(root.inside) - root.rest
-        });
+        if pose.shifts.iter().all(|s| s.length() < THERE) {
+            pose.shifts.clear();
+        }
     }
 }
 

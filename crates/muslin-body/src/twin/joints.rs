@@ -15,6 +15,24 @@ pub(crate) struct Joints {
 }
 
 impl Joints {
+    /// The joint that turns each of our bones, if one: the first that goes with it, but a wrist is turned by the hand where
+    /// a character has both.
+    pub fn leads(&self, character: &Character) -> Vec<Option<usize>> {
+        let mut leads: Vec<Option<usize>> = vec![None; self.heads.len()];
+        for (j, b) in self.follows.iter().enumerate() {
+            let is_first = character.parents[j].is_none_or(|p| self.follows[p] != *b);
+            if let (Some(b), true) = (b, is_first) {
+                leads[*b].get_or_insert(j);
+            }
+        }
+        for palm in self.roles.palm.into_iter().flatten() {
+            if let Some(b) = self.follows[palm] {
+                leads[b] = Some(palm);
+            }
+        }
+        leads
+    }
+
     /// Finds arms, legs, trunk and head by the joints' names, or else by where the joints are.
     pub fn find(avatar: &Avatar, character: &Character) -> Result<Joints, BodyError> {
         let roles = Roles::find(&skeleton(character));
@@ -237,6 +255,7 @@ fn guessed(character: &Character) -> Option<Roles> {
         toe: [toe(&legs[0]), toe(&legs[1])],
         arm,
         hand: [None, None],
+        palm: [None, None],
         neck: neck.as_ref().filter(|n| n.len() > 1).map(|n| n[0]),
         head: neck.and_then(|n| n.last().map(|j| Spot::Head(*j))),
     })

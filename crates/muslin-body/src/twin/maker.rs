@@ -178,7 +178,7 @@ impl<'a> Maker<'a> {
             on_skin: on_skin.collect(),
             bound,
             joints: whole.bound.clone(),
-            parents: whole.parents.clone(),
+            leads: self.joints.leads(whole),
         })
     }
 
@@ -257,7 +257,13 @@ impl<'a> Maker<'a> {
         let bent = |b: usize, p: DVec3| self.warp.at(self.posed.bones[b].transform_point3(p));
         let turn = |b: usize| DQuat::from_mat3(&self.posed.bones[b].matrix3).normalize();
         let n = bones.len();
-        let head = |b: usize| match self.joints.heads[b] {
+        // Bones that begin in one point go on doing so.
+        let joint = |b: usize| {
+            let alike = |o: &usize| bones[*o].head == bones[b].head;
+            let own = std::iter::once(b).chain((0..n).filter(alike));
+            own.filter_map(|o| self.joints.heads[o]).next()
+        };
+        let head = |b: usize| match joint(b) {
             Some(j) => places[j],
             None => bent(b, self.figure.joints[b]),
         };

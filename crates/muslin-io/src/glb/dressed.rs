@@ -111,6 +111,13 @@ impl Film {
                 if places.iter().any(|p| p.distance(places[0]) > 1e-6 * reach) {
                     self.places(*node, &places);
                 }
+                let scales: Vec<DVec3> = parts.iter().map(|p| p.0).collect();
+                if scales
+                    .iter()
+                    .any(|s| s.distance(scale) > 1e-5 * scale.length())
+                {
+                    self.scales(*node, &scales);
+                }
             }
         }
     }

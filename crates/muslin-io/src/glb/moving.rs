@@ -225,11 +225,19 @@ impl Film {
     }
 
     pub fn places(&mut self, node: usize, places: &[DVec3]) {
-        let values = places.iter().map(|p| p.as_vec3().to_array());
+        self.triples((node, "translation"), places);
+    }
+
+    pub fn scales(&mut self, node: usize, scales: &[DVec3]) {
+        self.triples((node, "scale"), scales);
+    }
+
+    fn triples(&mut self, (node, path): (usize, &str), values: &[DVec3]) {
+        let values = values.iter().map(|p| p.as_vec3().to_array());
         let output = self
             .bin
             .keys(values, json!({ "type": "VEC3", "componentType": 5126 }));
-        self.channel(node, "translation", output);
+        self.channel(node, path, output);
     }
 
     pub fn turns(&mut self, node: usize, turns: &[DQuat]) {

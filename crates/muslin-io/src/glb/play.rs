@@ -1,7 +1,7 @@
 //! Moving GLB back in: what a viewer would show at each key of the animation.
 //!
 //! The first animation is played at the keys of its longest track. The node called `body` is the
-//! body; every other mesh is a garment. Linear and stepped tracks are read, cubic ones refused.
+//! body; every other mesh is a garment.
 
 use std::collections::HashMap;
 
@@ -106,29 +106,59 @@ struct Track {
     times: Vec<f64>,
     values: Vec<f64>,
     width: usize,
-    is_stepped: bool,
+    law: Law,
+}
+
+/// What is between keys (glTF 2.0, appendix C).
+#[derive(Clone, Copy, PartialEq)]
+enum Law {
+    Step,
+    Linear,
+    /// Linear, but along the shorter arc of turns.
+    Arc,
+    /// At each key the slope before it, the value, and the slope after it.
+    Cubic,
 }
 
 impl Track {
-    /// The values at a time, between keys as they are; turns are made unit by the caller.
+    /// The values at a time; cubic turns are made unit by the caller.
     fn at(&self, time: f64) -> Vec<f64> {
         let last = self.times.len() - 1;
-        let row = |i: usize| &self.values[i * self.width..(i + 1) * self.width];
+        let each = match self.law {
+            Law::Cubic => 3,
+            _ => 1,
+        };
+        let part = |i: usize, k: usize| {
+            let start = (i * each + k) * self.width;
+            &self.values[start..start + self.width]
+        };
+        let row = |i: usize| part(i, each / 2);
         let next = self.times.partition_point(|&t| t <= time);
         if next == 0 || next > last {
             return row(next.min(last)).to_vec();
         }
-        let (a, b) = (self.times[next - 1], self.times[next]);
-        let t = if self.is_stepped {
-            0.0
-        } else {
-            (time - a) / (b - a)
-        };
-        if t == 0.0 {
-            return row(next - 1).to_vec();
+        let (before, span) = (next - 1, self.times[next] - self.times[next - 1]);
+        let t = (time - self.times[before]) / span;
+        let pairs = row(before).iter().zip(row(next));
+        match self.law {
+            _ if t == 0.0 => row(before).to_vec(),
+            Law::Step => row(before).to_vec(),
+            Law::Linear => pairs.map(|(x, y)| x + (y - x) * t).collect(),
+            Law::Arc => {
+                let turn = |i: usize| DQuat::from_slice(row(i)).normalize();
+                turn(before).slerp(turn(next), t).to_array().to_vec()
+            }
+            Law::Cubic => {
+                let (t2, t3) = (t * t, t * t * t);
+                let slopes = part(before, 2).iter().zip(part(next, 0));
+                let value = |((x, y), (out, into)): ((&f64, &f64), (&f64, &f64))| {
+                    (2.0 * t3 - 3.0 * t2 + 1.0) * x
+                        + (3.0 * t2 - 2.0 * t3) * y
+                        + span * ((t3 - 2.0 * t2 + t) * out + (t3 - t2) * into)
+                };
+                pairs.zip(slopes).map(value).collect()
+            }
         }
-        let pairs = row(next - 1).iter().zip(row(next));
-        pairs.map(|(x, y)| x + (y - x) * t).collect()
     }
 }
 
@@ -186,13 +216,11 @@ impl<'a> Stage<'a> {
         let sampler = int(&channel["sampler"]).and_then(|s| animation["samplers"].get(s));
         let sampler = sampler.ok_or_else(|| fault("a channel without a sampler"))?;
         let kind = sampler["interpolation"].as_str().unwrap_or("LINEAR");
-        if kind == "CUBICSPLINE" {
-            return Err(fault("cubic tracks are not read; bake the animation"));
-        }
         let times = glb.numbers(&sampler["input"])?.flat;
         let values = glb.numbers(&sampler["output"])?.flat;
         let is_growing = times.windows(2).all(|w| w[0] < w[1]);
-        let width = values.len().checked_div(times.len()).unwrap_or(0);
+        let each = if kind == "CUBICSPLINE" { 3 } else { 1 };
+        let width = values.len().checked_div(each * times.len()).unwrap_or(0);
         let target = int(&channel["target"]["node"]).filter(|&n| n < self.nodes.len());
         let path = channel["target"]["path"].as_str();
         let (Some(node), Some(path)) = (target, path) else {
@@ -203,15 +231,20 @@ impl<'a> Stage<'a> {
             "translation" | "scale" => width == 3,
             _ => width > 0,
         };
-        if !is_growing || !fits || width * times.len() != values.len() {
+        if !is_growing || !fits || each * width * times.len() != values.len() {
             return Err(fault("a track whose keys and values do not go together"));
         }
-        let is_stepped = kind == "STEP";
+        let law = match (kind, path) {
+            ("STEP", _) => Law::Step,
+            ("CUBICSPLINE", _) => Law::Cubic,
+            (_, "rotation") => Law::Arc,
+            _ => Law::Linear,
+        };
         let track = Track {
             times,
             values,
             width,
-            is_stepped,
+            law,
         };
         self.tracks.insert((node, path.to_owned()), track);
         Ok(())
@@ -451,4 +484,53 @@ fn firsts(source: &[usize]) -> (Vec<usize>, Vec<u32>) {
         place[*i] = first.len() as u32 - 1;
     }
     (first, place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turns_take_the_shorter_way_and_cubic_tracks_are_cubic() {
+        // The same turn is told by two quaternions: the second key has the other sign.
+        let quarter = DQuat::from_rotation_y(1.0);
+        let turns = Track {
+            times: vec![0.0, 2.0],
+            values: [DQuat::IDENTITY.to_array(), (-quarter).to_array()].concat(),
+            width: 4,
+            law: Law::Arc,
+        };
+        let half = DQuat::from_slice(&turns.at(0.5));
+        assert!(half.angle_between(DQuat::from_rotation_y(0.25)) < 1e-7);
+        // A cubic's own slopes give it back: t³ − 2t² + 1 at 1 and 3, in two rows.
+        let (value, slope) = (
+            |t: f64| t * t * t - 2.0 * t * t + 1.0,
+            |t: f64| 3.0 * t * t - 4.0 * t,
+        );
+        let key = |t: f64| [0.0, slope(t), 0.0, value(t), 0.0, slope(t)];
+        let track = Track {
+            times: vec![1.0, 3.0],
+            values: [key(1.0), key(3.0)].concat(),
+            width: 2,
+            law: Law::Cubic,
+        };
+        for t in [0.0, 1.0, 1.3, 2.0, 2.9, 3.0, 4.0] {
+            let at = track.at(t);
+            let want = value(t.clamp(1.0, 3.0));
+            assert!(
+                at[0] == 0.0 && (at[1] - want).abs() < 1e-12,
+                "{t}: {at:?} {want}"
+            );
+        }
+        let (steps, line) = (
+            [Law::Step, Law::Linear].map(|law| Track {
+                times: vec![1.0, 3.0],
+                values: vec![4.0, 8.0],
+                width: 1,
+                law,
+            }),
+            2.5,
+        );
+        assert_eq!(steps.map(|t| t.at(line)[0]), [4.0, 7.0]);
+    }
 }

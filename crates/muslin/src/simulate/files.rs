@@ -226,8 +226,8 @@ fn dressed(
     garments: &[Moved],
 ) -> Result<Vec<u8>, Failure> {
     let frames = clip.body.par_iter().enumerate().map(|(i, skin)| {
-        let (bones, by) = set.yielded((i * step, skin));
-        let joints = hero.twin.joints(&bones).into_iter().zip(&hero.twin.follows);
+        let (joints, by) = set.joints_at(hero, (i * step, skin));
+        let joints = joints.into_iter().zip(&hero.twin.follows);
         let joints = joints.map(|(j, follows)| follows.map(|_| j)).collect();
         (joints, hero.twin.yielded(&by).collect())
     });

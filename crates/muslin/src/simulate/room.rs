@@ -10,7 +10,7 @@ use crate::figure::{FOLDS, Folding, ROOM, Yielding, unfold};
 
 /// Room that hands and forearms leave while they move [m]: between two frames they go as far, and cloth that stands off
 /// a thigh they only graze is torn along.
-const SWUNG: f64 = 0.03;
+const SWUNG: f64 = 0.045;
 /// Looks a second.
 const LOOKS: f64 = 15.0;
 /// What passes the body fastest; between two looks it is looked at wherever one of these has gone so far about the root [m].

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use glam::{DAffine3, DVec3};
-use muslin_body::{Avatar, Cores, Figure, Part};
+use muslin_body::{Avatar, Cores, Figure, Part, Pose};
 use muslin_garment::Worn;
 use muslin_geom::Drape;
 use muslin_io::{Clip, sha256};
@@ -246,13 +246,17 @@ impl<'a> Set<'a> {
     /// The character's own vertices in a delivered frame [m], where its flesh has given way as the skin
     /// that the cloth lies on has.
     pub fn hero_at(&self, hero: &Hero, (frame, skin): (usize, &[DVec3])) -> Vec<DVec3> {
-        let (bones, by) = self.yielded((frame, skin));
-        hero.twin.posed(&hero.character, &bones, &by)
+        let (joints, by) = self.joints_at(hero, (frame, skin));
+        hero.twin.posed(&hero.character, &joints, &by)
     }
 
-    /// The bones in a delivered frame ([`muslin_body::Posed::bones`]), and how far its skin has given way
-    /// from where they take it [m].
-    pub fn yielded(&self, (frame, skin): (usize, &[DVec3])) -> (Vec<DAffine3>, Vec<DVec3>) {
+    /// The character's joints in a delivered frame ([`muslin_body::Twin::joints`]), and how far the skin has given way
+    /// from where our bones take it [m].
+    pub fn joints_at(
+        &self,
+        hero: &Hero,
+        (frame, skin): (usize, &[DVec3]),
+    ) -> (Vec<DAffine3>, Vec<DVec3>) {
         let pose = &self.moving.motion.poses[self.moving.lead + frame];
         let posed = self.avatar.pose(&self.figure, pose);
         let by = skin
@@ -260,7 +264,7 @@ impl<'a> Set<'a> {
             .zip(&posed.verts)
             .map(|(s, p)| *s - *p)
             .collect();
-        (posed.bones, by)
+        (hero.twin.joints(&posed.bones, &pose.beyond), by)
     }
 
     /// Vertices of the cloth and of the skin.
@@ -300,7 +304,9 @@ impl<'a> Set<'a> {
     pub fn identity(&self) -> Vec<(&'static str, String)> {
         let motion = &self.moving.motion;
         let turns = motion.poses.iter().flat_map(|p| &p.rotations);
-        let poses = motion.poses.iter().flat_map(|p| p.root.to_array());
+        let shifts = |p: &Pose| [&[p.root][..], &p.shifts].concat();
+        let poses = motion.poses.iter().flat_map(shifts);
+        let poses = poses.flat_map(|x| x.to_array());
         let poses = poses.chain(turns.flat_map(|q| q.to_array()));
         let c = &self.cloth;
         let cut = c.rest.as_flattened().iter().flat_map(|p| p.to_array());
