@@ -23,8 +23,8 @@ pub(crate) struct Dome {
     dirs: Vec<Vec3>,
     /// The probes' normals.
     normals: Vec<Vec3>,
-    /// Openness 0 to 255 per direction and probe.
-    open: Vec<Vec<u8>>,
+    /// Openness 0 to 255 per direction and probe; zero where the last lanes have none.
+    open: Vec<Vec<[u8; LANES]>>,
 }
 
 /// Probes lit together, side by side in the processor's registers.
@@ -41,17 +41,16 @@ impl Dome {
         let look = |&dir: &Vec3| {
             let maps = LightMap::opposite(flat, dir, size);
             maps.map(|map| {
-                let mut open = vec![0; probes.len()];
-                for (probes, open) in probes.chunks(LANES).zip(open.chunks_mut(LANES)) {
+                let open = probes.chunks(LANES).map(|probes| {
                     widely(
                         #[inline(always)]
-                        || openness(&map, probes, open),
-                    );
-                }
-                open
+                        || openness(&map, probes),
+                    )
+                });
+                open.collect()
             })
         };
-        let open: Vec<[Vec<u8>; 2]> = above.par_iter().map(look).collect();
+        let open: Vec<[Vec<[u8; LANES]>; 2]> = above.par_iter().map(look).collect();
         let dirs = above.iter().flat_map(|&dir| [dir, -dir]).collect();
         Self {
             dirs,
@@ -72,7 +71,7 @@ impl Dome {
                 #[inline(always)]
                 || {
                     for (k, out) in out.chunks_mut(LANES).enumerate() {
-                        self.light_some(i * CHUNK + k * LANES, &sky, out);
+                        self.light_some(i * (CHUNK / LANES) + k, &sky, out);
                     }
                 },
             );
@@ -80,17 +79,20 @@ impl Dome {
         lit
     }
 
-    /// Lights the probes from `first` on, at most [`LANES`].
+    /// Lights the `group`th [`LANES`] probes.
     #[inline(always)]
-    fn light_some(&self, first: usize, sky: &[Vec3], out: &mut [[Vec3; 2]]) {
+    fn light_some(&self, group: usize, sky: &[Vec3], out: &mut [[Vec3; 2]]) {
         let mut normal = [[0.0f32; LANES]; 3];
-        for (k, n) in self.normals[first..][..out.len()].iter().enumerate() {
+        for (k, n) in self.normals[group * LANES..][..out.len()]
+            .iter()
+            .enumerate()
+        {
             [normal[0][k], normal[1][k], normal[2][k]] = n.to_array();
         }
         let (mut front, mut back) = ([[0.0f32; LANES]; 3], [[0.0f32; LANES]; 3]);
         for ((dir, sky), open) in self.dirs.iter().zip(sky).zip(&self.open) {
-            let mut seen = [0u8; LANES];
-            seen[..out.len()].copy_from_slice(&open[first..][..out.len()]);
+            // Copied at a length that is known: a call would take all sums out of their registers.
+            let seen = open[group];
             for k in 0..LANES {
                 let cos = normal[0][k] * dir.x + normal[1][k] * dir.y + normal[2][k] * dir.z;
                 let seen = f32::from(seen[k]);
@@ -118,7 +120,7 @@ fn direction(i: usize, count: usize) -> Vec3 {
 
 /// How open the way to a light is from at most [`LANES`] probes, 0 to 255.
 #[inline(always)]
-fn openness(map: &LightMap, probes: &[Probe], open: &mut [u8]) {
+fn openness(map: &LightMap, probes: &[Probe]) -> [u8; LANES] {
     let (mut places, mut heights) = ([[0.0; LANES]; 2], [0.0; LANES]);
     for (k, probe) in probes.iter().enumerate() {
         let side = probe.normal.dot(map.toward).signum();
@@ -127,9 +129,9 @@ fn openness(map: &LightMap, probes: &[Probe], open: &mut [u8]) {
         (places[0][k], places[1][k], heights[k]) = (p.x, p.y, p.z);
     }
     let lit = map.lit(&places, &heights);
-    for (open, lit) in open.iter_mut().zip(lit) {
-        *open = (lit * 255.0) as u8;
-    }
+    let mut open = lit.map(|lit| (lit * 255.0) as u8);
+    open[probes.len()..].fill(0);
+    open
 }
 
 #[cfg(test)]
