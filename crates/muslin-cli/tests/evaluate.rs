@@ -14,6 +14,10 @@ fn evaluate(args: &[&str]) -> Output {
 
 /// A square of two triangles that falls for four frames, `lower` metres below.
 fn falling(lower: f32) -> Vec<u8> {
+    falls(lower, &[("fps", Array::number(60.0))])
+}
+
+fn falls(lower: f32, more: &[(&str, Array)]) -> Vec<u8> {
     let corner = |t: usize, k: usize| {
         let time = t as f32 / 60.0;
         let height = 2.0 - 4.905 * time * time - lower;
@@ -22,12 +26,22 @@ fn falling(lower: f32) -> Vec<u8> {
     let cloth = (0..4)
         .flat_map(|t| (0..4).flat_map(move |k| corner(t, k)))
         .collect();
-    write(&[
+    let own = [
         ("cloth", Array::f32(&[4, 4, 3], cloth)),
         ("faces", Array::int(&[2, 3], vec![0, 1, 2, 1, 3, 2])),
-        ("fps", Array::number(60.0)),
-    ])
-    .expect("finite")
+    ];
+    write(&[&own, more].concat()).expect("finite")
+}
+
+#[test]
+fn a_file_without_its_rate_is_remarked_on() {
+    let folder = Folder::new("timeless");
+    for (bytes, is_told) in [(falls(0.0, &[]), true), (falling(0.0), false)] {
+        let out = evaluate(&[&folder.put("walk.npz", &bytes)]);
+        let told = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(0), "{told}");
+        assert_eq!(told.contains("frames a second (`fps`)"), is_told, "{told}");
+    }
 }
 
 #[test]

@@ -84,9 +84,11 @@ fn a_film_follows_the_body_or_goes_around_it() {
     assert!(before[0] == around[0], "the same still");
     assert!(before[1] != around[1], "another film");
     assert!(around[1].windows(4).any(|w| w == b"acTL"), "animated");
-    let alone = wave(&folder.at("c.glb"), &["--outfit", "tee", "--turn"]);
-    assert_eq!(alone.status.code(), Some(2), "{}", errors(&alone));
-    assert!(errors(&alone).contains("--picture"), "{}", errors(&alone));
+    for alone in [&["--turn"][..], &["--backdrop", "white"]] {
+        let alone = wave(&folder.at("c.glb"), &[&["--outfit", "tee"], alone].concat());
+        assert_eq!(alone.status.code(), Some(2), "{}", errors(&alone));
+        assert!(errors(&alone).contains("--picture"), "{}", errors(&alone));
+    }
 }
 
 #[test]

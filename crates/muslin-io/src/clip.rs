@@ -42,6 +42,8 @@ pub struct Clip {
     pub pins: Vec<u32>,
     /// For every garment the name of its fabric, empty where that is not known; may be empty as a whole.
     pub fabrics: Vec<String>,
+    /// Whether the file told no frames a second, and [`Drape::fps`] is 30 for want of better.
+    pub rate_unknown: bool,
 }
 
 impl Clip {
@@ -170,6 +172,7 @@ impl Clip {
                 .map(|i| i - first)
                 .collect(),
             fabrics: self.fabric(k).map(str::to_owned).into_iter().collect(),
+            rate_unknown: self.rate_unknown,
         }
     }
 
@@ -314,6 +317,7 @@ impl Clip {
                 frames: split(&cloth, n),
                 fps: fps(npz)?,
             },
+            rate_unknown: npz.get("fps").is_none(),
             ..Clip::default()
         };
         clip.drape.parts.push(Part {

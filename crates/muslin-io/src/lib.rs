@@ -47,7 +47,7 @@ pub use picture::{animated_png, png};
 pub use pose_models::{PoseGraphs, pose_graphs};
 pub use pose_npz::{read_poses, write_poses};
 pub use report::report_json;
-pub use scene::{Maps, Material, Node, Scene, Sheen};
+pub use scene::{Maps, Material, Node, Scene, Sheen, shared_corners};
 pub use sha256::sha256;
 pub use sniff::{Kind, sniff};
 pub use tensors::{read_weights, write_weights};

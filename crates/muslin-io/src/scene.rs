@@ -1,7 +1,7 @@
 //! What the 3D writers take: named, coloured meshes.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use glam::{DVec2, DVec3};
 use muslin_geom::{Image, Mesh};
@@ -220,6 +220,23 @@ impl Node {
     }
 }
 
+/// Corners of faces (coordinates of each face's three) as a list in which those of one vertex that agree to a tenth of a
+/// micrometre share an entry, and what each face uses of it.
+pub fn shared_corners(faces: &[[u32; 3]], corners: &[[DVec2; 3]]) -> (Vec<[u32; 3]>, Vec<DVec2>) {
+    let mut seen = HashMap::new();
+    let mut list = Vec::new();
+    let mut index = |vert: u32, at: DVec2| {
+        let key = (vert, [at.x, at.y].map(|c| (c * 1e7).round() as i64));
+        *seen.entry(key).or_insert_with(|| {
+            list.push(at);
+            (list.len() - 1) as u32
+        })
+    };
+    let one = |(f, u): (&[u32; 3], &[DVec2; 3])| [0, 1, 2].map(|k| index(f[k], u[k]));
+    let used = faces.iter().zip(corners).map(one).collect();
+    (used, list)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -244,6 +261,19 @@ mod tests {
         assert_eq!(node.mesh.faces, [[0, 1, 2], [4, 5, 3]]);
         assert_eq!(node.uvs, [0, 1, 2, 5, 3, 4].map(|i| uvs[i]));
         assert_eq!(node.normals, [DVec3::Z; 6]);
+    }
+
+    #[test]
+    fn a_seam_doubles_a_vertex_and_nothing_else_does() {
+        let p = |x: f64, y: f64| DVec2::new(x, y);
+        let faces = [[0, 1, 2], [0, 2, 3]];
+        let whole = [
+            [p(0.0, 0.0), p(1.0, 0.0), p(1.0, 1.0)],
+            [p(0.0, 0.0), p(1.0, 1.0), p(0.0, 1.0)],
+        ];
+        assert_eq!(shared_corners(&faces, &whole).1.len(), 4);
+        let cut = [whole[0], whole[1].map(|q| q + p(3.0, 0.0))];
+        assert_eq!(shared_corners(&faces, &cut).1.len(), 6);
     }
 
     #[test]

@@ -169,6 +169,9 @@ pub fn evaluate_file(
         false => fault,
     })?;
     size(&clip).into_iter().for_each(|w| watch.warn(&w));
+    if clip.rate_unknown && clip.drape.frames.len() > 1 {
+        watch.warn("it does not tell its frames a second (`fps`): taken as 30, which speeds, accelerations and energies in motion go by");
+    }
     let file = muslin_io::name(path);
     evaluation
         .report

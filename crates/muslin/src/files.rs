@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use muslin_body::{Avatar, Part};
 use muslin_geom::{Mesh, intersecting_pairs};
-use muslin_io::{Material, Node, Scene, Sheen, stored_positions};
+use muslin_io::{Material, Node, Scene, Sheen, shared_corners, stored_positions};
 
 use crate::drape::Dressed;
 use crate::failure::{Exit, Failure};
@@ -117,7 +117,7 @@ pub fn garment(
         verts,
         faces: piece.garment.faces.clone(),
     };
-    let (uv_faces, uvs) = corners(&piece.garment.faces, uv);
+    let (uv_faces, uvs) = shared_corners(&piece.garment.faces, uv);
     let node = Node {
         name,
         mesh,
@@ -125,27 +125,6 @@ pub fn garment(
         ..Node::default()
     };
     node.with_corner_uvs_and_sources(&uv_faces, &uvs)
-}
-
-/// Corner coordinates as indices into a list in which corners of one vertex that agree to a
-/// micrometre share an entry.
-fn corners(faces: &[[u32; 3]], uv: &[[DVec2; 3]]) -> (Vec<[u32; 3]>, Vec<DVec2>) {
-    let mut seen = std::collections::HashMap::new();
-    let mut list = Vec::new();
-    let mut index = |vert: u32, at: DVec2| {
-        let key = (
-            vert,
-            (at.x * 1e6).round() as i64,
-            (at.y * 1e6).round() as i64,
-        );
-        *seen.entry(key).or_insert_with(|| {
-            list.push(at);
-            (list.len() - 1) as u32
-        })
-    };
-    let one = |(f, u): (&[u32; 3], &[DVec2; 3])| [0, 1, 2].map(|k| index(f[k], u[k]));
-    let uv_faces = faces.iter().zip(uv).map(one).collect();
-    (uv_faces, list)
 }
 
 /// Linear light to an sRGB byte.
@@ -162,19 +141,6 @@ fn display(linear: f32) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_seam_doubles_a_vertex_and_nothing_else_does() {
-        let p = |x: f64, y: f64| DVec2::new(x, y);
-        let faces = [[0, 1, 2], [0, 2, 3]];
-        let whole = [
-            [p(0.0, 0.0), p(1.0, 0.0), p(1.0, 1.0)],
-            [p(0.0, 0.0), p(1.0, 1.0), p(0.0, 1.0)],
-        ];
-        assert_eq!(corners(&faces, &whole).1.len(), 4);
-        let cut = [whole[0], whole[1].map(|q| q + p(3.0, 0.0))];
-        assert_eq!(corners(&faces, &cut).1.len(), 6);
-    }
 
     #[test]
     fn colours_survive_the_way_to_bytes() {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use muslin::{AnimateOptions, DressOptions, SimulateOptions, Wear};
 
-use super::common::{BackdropName, Build, OWN, Shot, Telling, character};
+use super::common::{Build, OWN, Shot, Telling, character};
 
 /// Options of `animate`.
 #[derive(Debug, Args)]
@@ -69,9 +69,6 @@ pub struct Animate {
     /// Write the result even if cloth meets cloth or body somewhere.
     #[arg(long)]
     pub allow_crossings: bool,
-    /// What lies behind the figure.
-    #[arg(long, value_enum, default_value_t = BackdropName::Studio)]
-    pub backdrop: BackdropName,
     /// How it is told.
     #[command(flatten)]
     pub telling: Telling,
@@ -96,7 +93,6 @@ impl Animate {
             outfit: named.into_iter().map(worn).collect(),
             body: character(&self.body),
             allow_crossings: self.allow_crossings,
-            backdrop: self.backdrop.into(),
             ..self.build.of(SimulateOptions::default().dress)
         };
         AnimateOptions {

@@ -77,9 +77,6 @@ pub struct Wearing {
     /// Write the result even if the cloth crosses itself somewhere.
     #[arg(long)]
     pub allow_crossings: bool,
-    /// What lies behind the figure.
-    #[arg(long, value_enum, default_value_t = BackdropName::Studio)]
-    pub backdrop: BackdropName,
 }
 
 impl Wearing {
@@ -93,7 +90,6 @@ impl Wearing {
             },
             edge: self.edge / 1000.0,
             allow_crossings: self.allow_crossings,
-            backdrop: self.backdrop.into(),
             ..self.build.of(usual)
         };
         if !self.garment.is_empty() {
@@ -171,6 +167,9 @@ pub struct Shot {
     /// Let the film's camera go around the body once, as on a turntable.
     #[arg(long, requires = "picture")]
     pub turn: bool,
+    /// What lies behind the figure in these.
+    #[arg(long, requires = "picture", value_enum, default_value_t = BackdropName::Studio)]
+    pub backdrop: BackdropName,
     /// How much of the motion [s] [default: all].
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub seconds: Option<f64>,
@@ -195,6 +194,10 @@ impl Shot {
             turn: self.turn,
             seconds: self.seconds,
             start: self.start,
+            dress: DressOptions {
+                backdrop: self.backdrop.into(),
+                ..options.dress
+            },
             ..options
         }
     }

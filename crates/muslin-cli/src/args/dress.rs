@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use muslin::{DressOptions, Person};
 
-use super::common::{Telling, Wearing};
+use super::common::{BackdropName, Telling, Wearing};
 
 /// Options of `dress`.
 #[derive(Debug, Args)]
@@ -45,6 +45,9 @@ pub struct Common {
     /// Also draw the fitted body over the photo (overlay.png).
     #[arg(long)]
     pub overlay: bool,
+    /// What lies behind the figure.
+    #[arg(long, value_enum, default_value_t = BackdropName::Studio)]
+    pub backdrop: BackdropName,
     /// Folder for the results.
     #[arg(short, long, default_value = "out")]
     pub out: PathBuf,
@@ -60,6 +63,7 @@ impl Common {
             person: self.person.unwrap_or(Person::Largest),
             simulate: self.simulate,
             overlay: self.overlay,
+            backdrop: self.backdrop.into(),
             ..self.wearing.options(DressOptions::default())
         }
     }

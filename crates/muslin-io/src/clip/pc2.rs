@@ -5,7 +5,6 @@
 //! no triangles: comments in the OBJ tell the rate, the layer, the pins and the fabric, and that its texture coordinates are
 //! the pattern's own metres.
 
-use std::collections::HashMap;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -16,7 +15,7 @@ use super::Clip;
 use crate::error::{Fault, IoError, Place, name};
 use crate::input::{files_in, read_file};
 use crate::obj::obj;
-use crate::scene::{Node, Scene};
+use crate::scene::{Node, Scene, shared_corners};
 
 const MAGIC: &[u8; 12] = b"POINTCACHE2\0";
 const HEADER: usize = 32;
@@ -138,23 +137,21 @@ fn topology(
     Ok(format!("{head}{}\n{pattern}", plain.join("\n")).into_bytes())
 }
 
-/// Texture coordinates and faces that use them; corners of one vertex that agree to a tenth of a micrometre share one.
+/// Texture coordinates and faces that use them.
 fn pattern(faces: &[[u32; 3]], corners: &[[DVec2; 3]]) -> String {
-    let (mut known, mut places, mut list) = (HashMap::new(), String::new(), String::new());
-    for (face, at) in faces.iter().zip(corners) {
+    let (used, places) = shared_corners(faces, corners);
+    let mut text = String::new();
+    for p in places {
+        writeln!(text, "vt {:.8} {:.8}", p.x, p.y).expect("a string takes all");
+    }
+    for (face, used) in faces.iter().zip(used) {
         let each = [0, 1, 2].map(|k| {
-            let (v, p) = (face[k] + 1, at[k]);
-            let key = (v, [p.x, p.y].map(|c| (c * 1e7).round() as i64));
-            let next = known.len() + 1;
-            let t = *known.entry(key).or_insert_with(|| {
-                writeln!(places, "vt {:.8} {:.8}", p.x, p.y).expect("a string takes all");
-                next
-            });
+            let (v, t) = (face[k] + 1, used[k] + 1);
             format!("{v}/{t}/{v}")
         });
-        writeln!(list, "f {}", each.join(" ")).expect("a string takes all");
+        writeln!(text, "f {}", each.join(" ")).expect("a string takes all");
     }
-    places + &list
+    text
 }
 
 /// What an OBJ beside a point cache tells.
@@ -190,6 +187,7 @@ pub fn read(path: &Path) -> Result<Clip, IoError> {
         fps = fps.or(beside.fps);
         (clip.body, clip.body_faces) = (frames, beside.mesh.faces);
     }
+    clip.rate_unknown = fps.is_none();
     clip.drape.fps = fps.unwrap_or(30.0);
     Ok(clip)
 }

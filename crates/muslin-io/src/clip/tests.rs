@@ -33,6 +33,7 @@ fn sample() -> Clip {
         corners,
         pins: vec![1, 2, 6],
         fabrics: vec!["my own twill".into(), String::new()],
+        rate_unknown: false,
     }
 }
 

@@ -297,6 +297,7 @@ impl<'a> Set<'a> {
             fabrics: (self.outfit.pieces.iter())
                 .map(|p| p.fabric.name.clone())
                 .collect(),
+            rate_unknown: false,
         }
     }
 
