@@ -24,6 +24,8 @@ pub use pc2::{read_pc2, write_pc2};
 
 /// Files with more bytes are refused.
 const MAX_BYTES: u64 = 4 << 30;
+/// Frames a second of files that tell none [1/s].
+const RATE: f64 = 30.0;
 
 /// A drape with the body that it was draped on.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -310,14 +312,15 @@ impl Clip {
         let cloth = npz.floats("cloth", &[None, None, Some(3)])?;
         let shape = npz.shaped("cloth", &[None, None, Some(3)])?.shape.clone();
         let (frames, n) = (shape[0], shape[1]);
+        let fps = fps(npz)?;
         let mut clip = Clip {
             drape: Drape {
                 parts: Vec::new(),
                 faces: npz.triangles("faces", n)?,
                 frames: split(&cloth, n),
-                fps: fps(npz)?,
+                fps: fps.unwrap_or(RATE),
             },
-            rate_unknown: npz.get("fps").is_none(),
+            rate_unknown: fps.is_none(),
             ..Clip::default()
         };
         clip.drape.parts.push(Part {
@@ -434,13 +437,14 @@ fn split(flat: &[f64], n: usize) -> Vec<Vec<DVec3>> {
         .collect()
 }
 
-fn fps(npz: &Npz) -> Result<f64, IoError> {
+fn fps(npz: &Npz) -> Result<Option<f64>, IoError> {
     let Some(array) = npz.get("fps") else {
-        return Ok(30.0);
+        return Ok(None);
     };
     let one = array.floats().filter(|f| f.len() == 1).map(|f| f[0]);
-    one.filter(|&f| f > 0.0 && f.is_finite())
-        .ok_or_else(|| npz.fault("fps", "is no positive number"))
+    let sound = one.filter(|&f| f > 0.0 && f.is_finite());
+    let fault = || npz.fault("fps", "is no positive number");
+    sound.ok_or_else(fault).map(Some)
 }
 
 /// The bare name of a file.

@@ -70,7 +70,6 @@ impl Follower {
     /// # Panics
     /// Where there are fewer joints than the character has, or `pose` is of another skeleton.
     pub fn follow(&mut self, joints: &[DAffine3], pose: &mut Pose) {
-        pose.root = DVec3::ZERO;
         pose.shifts.clear();
         pose.shifts.resize(self.bones.len(), DVec3::ZERO);
         for (b, bone) in self.bones.iter().enumerate() {

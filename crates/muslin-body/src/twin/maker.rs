@@ -260,8 +260,8 @@ impl<'a> Maker<'a> {
         // Bones that begin in one point go on doing so.
         let joint = |b: usize| {
             let alike = |o: &usize| bones[*o].head == bones[b].head;
-            let own = std::iter::once(b).chain((0..n).filter(alike));
-            own.filter_map(|o| self.joints.heads[o]).next()
+            let mut all = std::iter::once(b).chain((0..n).filter(alike));
+            all.find_map(|o| self.joints.heads[o])
         };
         let head = |b: usize| match joint(b) {
             Some(j) => places[j],

@@ -11,7 +11,7 @@ use std::path::Path;
 use glam::{DVec2, DVec3};
 use muslin_geom::{Drape, Mesh, Part};
 
-use super::Clip;
+use super::{Clip, RATE};
 use crate::error::{Fault, IoError, Place, name};
 use crate::input::{files_in, read_file};
 use crate::obj::obj;
@@ -188,7 +188,7 @@ pub fn read(path: &Path) -> Result<Clip, IoError> {
         (clip.body, clip.body_faces) = (frames, beside.mesh.faces);
     }
     clip.rate_unknown = fps.is_none();
-    clip.drape.fps = fps.unwrap_or(30.0);
+    clip.drape.fps = fps.unwrap_or(RATE);
     Ok(clip)
 }
 
@@ -243,7 +243,7 @@ fn garment(name: String, frames: Vec<Vec<DVec3>>, beside: Beside) -> Clip {
             parts: vec![part],
             faces: mesh.faces,
             frames,
-            fps: 30.0,
+            fps: RATE,
         },
         rest: mesh.verts,
         corners: beside.corners,
