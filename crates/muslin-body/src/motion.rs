@@ -1,5 +1,7 @@
 //! Poses over time: length, rate, and the way in from the rest pose.
 
+use std::ops::Range;
+
 use glam::{DQuat, DVec3};
 
 use crate::Pose;
@@ -37,13 +39,25 @@ impl Motion {
         self.poses[before].toward(&self.poses[before + 1], place - before as f64)
     }
 
-    /// The same motion at another rate [1/s]; it ends at most one step earlier.
-    pub fn resampled(&self, fps: f64) -> Motion {
-        let n = match self.poses.is_empty() {
+    /// How many poses it has at another rate [1/s]: it ends at most one step earlier.
+    pub fn count_at(&self, fps: f64) -> usize {
+        match self.poses.is_empty() {
             true => 0,
             false => (self.duration() * fps + 1e-6).floor() as usize + 1,
-        };
-        let poses = (0..n).map(|i| self.at(i as f64 / fps)).collect();
+        }
+    }
+
+    /// The same motion at another rate [1/s].
+    pub fn resampled(&self, fps: f64) -> Motion {
+        self.part(fps, 0..self.count_at(fps))
+    }
+
+    /// Those poses of the motion at another rate [1/s].
+    ///
+    /// # Panics
+    /// If there are no poses, and some are asked for.
+    pub fn part(&self, fps: f64, poses: Range<usize>) -> Motion {
+        let poses = poses.map(|i| self.at(i as f64 / fps)).collect();
         Motion { fps, poses }
     }
 

@@ -86,7 +86,7 @@ fn shown<T>(quiet: bool, job: impl FnOnce(&mut Watch) -> Result<T, Failure>) -> 
     let flag = stop_flag()?;
     let line = Mutex::new(LiveLine::new());
     let line = || line.lock().expect("nobody panics while telling");
-    let tell = |s: &muslin::Stage| {
+    let stage = |s: &muslin::Stage| {
         if !quiet {
             let head = format!("[{}/{}] {:<7} {}", s.number, s.of, s.name, s.result);
             line().print(&format!("  {head:<68} {:>6.2} s", s.seconds));
@@ -98,7 +98,7 @@ fn shown<T>(quiet: bool, job: impl FnOnce(&mut Watch) -> Result<T, Failure>) -> 
         }
     };
     let warn = |w: &str| line().print(&format!("warning: {w}"));
-    let mut watch = Watch::new(tell, warn).following(follow).stopping_at(&flag);
+    let mut watch = Watch::new(stage, warn).following(follow).stopping_at(&flag);
     let result = job(&mut watch);
     drop(watch);
     line().clear();
@@ -130,21 +130,21 @@ impl LiveLine {
         }
         self.told = Instant::now();
         match self.is_terminal {
-            true => eprint!("\r        {text}\x1b[K"),
-            false => eprintln!("        {text}"),
+            true => tell(&format!("\r        {text}\x1b[K")),
+            false => tell(&format!("        {text}\n")),
         }
         self.is_shown = self.is_terminal;
     }
 
     fn clear(&mut self) {
         if std::mem::take(&mut self.is_shown) {
-            eprint!("\r\x1b[K");
+            tell("\r\x1b[K");
         }
     }
 
     fn print(&mut self, text: &str) {
         self.clear();
-        eprintln!("{text}");
+        tell(&format!("{text}\n"));
     }
 }
 
@@ -197,6 +197,11 @@ fn drapes(bench: &Bench) -> muslin::bench::Drapes {
     }
 }
 
+/// Writes to standard error. Where nobody reads it any more, the job goes on.
+fn tell(text: &str) {
+    let _ = std::io::stderr().write_all(text.as_bytes());
+}
+
 /// Writes to standard output; a reader that has gone away is no failure.
 fn print(text: &str) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
@@ -240,7 +245,7 @@ pub fn exit(result: Result<(), Failure>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("{failure}");
+            tell(&format!("{failure}\n"));
             ExitCode::from(failure.exit as u8)
         }
     }
@@ -255,9 +260,14 @@ pub fn guard_against_panics() {
         let trace = std::backtrace::Backtrace::force_capture();
         let report = format!("muslin {version}\n{info}\n{trace}\n");
         let kept = std::fs::write(&path, report).is_ok();
-        eprintln!("error[internal]: a fault in Muslin itself: {info}");
+        tell(&format!(
+            "error[internal]: a fault in Muslin itself: {info}\n"
+        ));
         if kept {
-            eprintln!("hint: please report it with the file {}", path.display());
+            tell(&format!(
+                "hint: please report it with the file {}\n",
+                path.display()
+            ));
         }
         std::process::exit(Exit::Internal as i32);
     }));

@@ -201,6 +201,15 @@ pub fn quote(text: &str) -> String {
     format!("{head}…{tail}")
 }
 
+/// `text` fit for a terminal, as long as it is and in its lines.
+pub fn plain(text: &str) -> String {
+    let kept = |c: char| match c {
+        '\n' => vec![c],
+        _ => visible(c),
+    };
+    text.chars().flat_map(kept).collect()
+}
+
 /// A path as messages name it.
 pub fn name(path: &Path) -> String {
     path.to_string_lossy().into_owned()

@@ -31,7 +31,7 @@ mod tflite;
 mod zip;
 
 pub use clip::{Clip, read_clip, read_pc2, write_pc2};
-pub use error::{Fault, IoError, Place, name, quote};
+pub use error::{Fault, IoError, Place, name, plain, quote};
 pub use fabric_file::{FabricFile, parse_fabric, read_fabric};
 pub use glb::{
     CharacterFile, Dressed, GlbOptions, Moved, Skinned, dressed_glb, glb, moving_glb,

@@ -5,7 +5,7 @@
 
 #![allow(unsafe_code)]
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::sync::Arc;
 
 use cudarc::driver::{CudaContext, CudaModule, DriverError};
@@ -43,8 +43,12 @@ fn at_hand() -> Result<(), CrowdError> {
 /// [`CrowdError::NoDevice`] where there is none, or one whose driver or compiler cannot be used; it says what is missing.
 pub fn first() -> Result<Arc<CudaContext>, CrowdError> {
     at_hand()?;
-    // A driver that is too old for what is asked of it is found out by panics.
-    match catch_unwind(AssertUnwindSafe(|| CudaContext::new(0))) {
+    // A driver that is too old for what is asked of it is found out by panics, which are nobody else's business.
+    let hook = take_hook();
+    set_hook(Box::new(|_| {}));
+    let asked = catch_unwind(AssertUnwindSafe(|| CudaContext::new(0)));
+    set_hook(hook);
+    match asked {
         Ok(Ok(context)) => Ok(context),
         Ok(Err(e)) => Err(CrowdError::NoDevice(format!("{e:?}"))),
         Err(_) => Err(CrowdError::NoDevice("its driver is too old".into())),

@@ -122,7 +122,7 @@ mod tests {
         while first.steps() < 30 {
             first.step().expect("finite");
         }
-        let model = first.model(Default::default());
+        let model = first.model(Default::default()).expect("on cores");
         let plan = Plan {
             codes: 8,
             hidden: vec![16],
@@ -136,15 +136,26 @@ mod tests {
         let again = begin(&model, &plan).expect("the same garment");
         let wave = CLASS.wave();
         let (was, is, new) = (
-            first.judge(&wave).energies.total(),
-            again.judge(&wave).energies.total(),
-            CLASS.trainer().judge(&wave).energies.total(),
+            first.judge(&wave).expect("on cores").energies.total(),
+            again.judge(&wave).expect("on cores").energies.total(),
+            CLASS
+                .trainer()
+                .judge(&wave)
+                .expect("on cores")
+                .energies
+                .total(),
         );
         // The first has not yet all of the skin's stiffness.
         assert!(is - was < 0.3 * (new - was), "{was} {is} {new}");
         let close = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
-        assert!(close(&again.model(Default::default()).modes, &model.modes));
-        assert_eq!(again.model(Default::default()).scale, model.scale);
+        assert!(close(
+            &again.model(Default::default()).expect("on cores").modes,
+            &model.modes
+        ));
+        assert_eq!(
+            again.model(Default::default()).expect("on cores").scale,
+            model.scale
+        );
 
         let told = |model: &Model, plan: &Plan| match begin(model, plan) {
             Err(e) => e.to_string(),
@@ -160,13 +171,13 @@ mod tests {
         assert!(told(&far, &plan).contains("garment"));
         // What was kept of one is not gone on with by the other.
         let mut fresh = CLASS.trainer();
-        assert!(fresh.restore(&again.keep()).is_err());
+        assert!(fresh.restore(&again.keep().expect("on cores")).is_err());
         let mut other = model.clone();
         other.modes[5] += 1e-3;
         let mut beside = begin(&other, &plan).expect("the same garment");
-        assert!(beside.restore(&again.keep()).is_err());
+        assert!(beside.restore(&again.keep().expect("on cores")).is_err());
         let mut same = begin(&model, &plan).expect("the same garment");
-        assert!(same.restore(&again.keep()).is_ok());
+        assert!(same.restore(&again.keep().expect("on cores")).is_ok());
     }
 
     #[test]
@@ -181,7 +192,7 @@ mod tests {
         while first.steps() < 8 {
             first.step().expect("finite");
         }
-        let mut model = first.model(Default::default());
+        let mut model = first.model(Default::default()).expect("on cores");
         let begun = |model: &Model, plan: &Plan| {
             let trainer = Trainer::begun(lessons(), plan.clone(), CLASS.poses.clone(), model);
             trainer.expect("the same garment").skin

@@ -17,7 +17,7 @@ pub fn go_on_alike<T: Training>(mut both: [&mut T; 2], steps: u64) {
             t.step().expect("finite");
         }
     }
-    let [a, b] = both.map(|t| t.keep());
+    let [a, b] = both.map(|t| t.keep().expect("on cores"));
     assert!(a == b, "the bits of an unbroken run");
 }
 

@@ -348,7 +348,7 @@ impl Training for Trainer<'_> {
     }
 
     /// Too few poses to fill a pack tell nothing.
-    fn judge(&self, motion: &Motion) -> Told {
+    fn judge(&self, motion: &Motion) -> Result<Told, TrainError> {
         let poses = &thinned(motion.poses.clone(), JUDGED);
         let how = (&self.wearers[..1], &self.reader, self.rig.as_slice());
         let mut packs = packs(poses, how, &mut Noise::new(0));
@@ -358,14 +358,14 @@ impl Training for Trainer<'_> {
             pack.skins = pack.poses.iter().map(skin).collect();
         });
         let works: Vec<Work> = packs.par_iter_mut().map(|p| self.work(p)).collect();
-        match works.is_empty() {
+        Ok(match works.is_empty() {
             true => Told::default(),
             false => self.told(&works),
-        }
+        })
     }
 
-    fn model(&self, notes: BTreeMap<String, String>) -> Model {
-        Model {
+    fn model(&self, notes: BTreeMap<String, String>) -> Result<Model, TrainError> {
+        Ok(Model {
             notes,
             faces: self.wearers[0].lesson.cloth.faces.clone(),
             template: self.wearers[0].template.clone(),
@@ -379,11 +379,11 @@ impl Training for Trainer<'_> {
             modes: self.now.modes.clone(),
             sway: None,
             resizer: None,
-        }
+        })
     }
 
-    fn keep(&self) -> Weights {
-        self.kept()
+    fn keep(&self) -> Result<Weights, TrainError> {
+        Ok(self.kept())
     }
 
     fn restore(&mut self, kept: &Weights) -> Result<(), TrainError> {

@@ -14,6 +14,8 @@ use crate::{Energies, Lesson, Told, TrainError};
 const MOST_BAD: u64 = 5;
 
 /// Something that learns step by step, and can be kept and gone on with to the same bits.
+///
+/// What it knows may lie on a device: [`TrainError::Device`] where that does not tell it.
 pub trait Training {
     /// Steps taken so far.
     fn steps(&self) -> u64;
@@ -28,13 +30,13 @@ pub trait Training {
     fn step(&mut self) -> Result<Told, TrainError>;
 
     /// What a motion costs that need not be learnt from, by poses evenly taken.
-    fn judge(&self, motion: &Motion) -> Told;
+    fn judge(&self, motion: &Motion) -> Result<Told, TrainError>;
 
     /// What has been learnt so far.
-    fn model(&self, notes: BTreeMap<String, String>) -> Model;
+    fn model(&self, notes: BTreeMap<String, String>) -> Result<Model, TrainError>;
 
     /// All that changes, and what it belongs to.
-    fn keep(&self) -> Weights;
+    fn keep(&self) -> Result<Weights, TrainError>;
 
     /// Goes on from what [`Training::keep`] gave.
     fn restore(&mut self, kept: &Weights) -> Result<(), TrainError>;

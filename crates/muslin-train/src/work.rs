@@ -409,11 +409,11 @@ mod tests {
         }
         let mut again = binding();
         again
-            .restore(&trainer.keep())
+            .restore(&trainer.keep().expect("on cores"))
             .expect("of the same training");
         assert!(again.skin == trainer.skin);
         go_on_alike([&mut trainer, &mut again], 5);
-        let model = trainer.model(Default::default());
+        let model = trainer.model(Default::default()).expect("on cores");
         assert_eq!(model.check(), Ok(()));
         assert!(model.skin == trainer.skin && model.params.len() == trainer.encoder.n_params());
         gradients(binding(), 0);
@@ -468,7 +468,7 @@ mod tests {
         }
         let mut again = OUTFIT.trainer();
         again
-            .restore(&trainer.keep())
+            .restore(&trainer.keep().expect("on cores"))
             .expect("of the same training");
         go_on_alike([&mut trainer, &mut again], 24);
         // What learnt without minding it lies in the shirt below.
@@ -480,7 +480,8 @@ mod tests {
             }
         }
         heedless.wearers[0].layers = layers;
-        let contact = [trainer, heedless].map(|t| t.judge(&OUTFIT.wave()).energies.contact);
+        let contact = [trainer, heedless]
+            .map(|t| t.judge(&OUTFIT.wave()).expect("on cores").energies.contact);
         assert!(contact[0] < 0.5 * contact[1], "{contact:?}");
     }
 
@@ -609,7 +610,7 @@ mod tests {
         while trainer.steps() < 3 {
             trainer.step().expect("finite");
         }
-        let kept = trainer.keep();
+        let kept = trainer.keep().expect("on cores");
         let mut again = CLASS.taught(other.lessons(&CLASS));
         again.restore(&kept).expect("of the same training");
         go_on_alike([&mut trainer, &mut again], 5);
@@ -620,7 +621,7 @@ mod tests {
             matches!(foreign, Err(TrainError::OtherTraining(_))),
             "{foreign:?}"
         );
-        let model = trainer.model(Default::default());
+        let model = trainer.model(Default::default()).expect("on cores");
         assert_eq!(model.check(), Ok(()));
         assert_eq!(model.template.len(), CLASS.template.len());
         let first = CLASS.template[0].as_vec3().to_array();
@@ -653,7 +654,7 @@ mod tests {
     fn what_is_not_a_number_is_skipped_a_few_times_and_then_named() {
         let mut trainer = CLASS.trainer();
         trainer.step().expect("finite");
-        let sound = trainer.keep();
+        let sound = trainer.keep().expect("on cores");
         trainer.now.modes[5 * 3 * 8] = f32::NAN;
         let before = trainer.now.params.clone();
         let mut fault = None;
@@ -693,13 +694,13 @@ mod tests {
                 while trainer.steps() < stop {
                     trainer.step().expect("finite");
                 }
-                let kept = trainer.keep();
+                let kept = trainer.keep().expect("on cores");
                 let mut again = CLASS.trainer();
                 again.restore(&kept).expect("of the same training");
                 while again.steps() < 6 {
                     again.step().expect("finite");
                 }
-                again.keep()
+                again.keep().expect("on cores")
             })
         };
         let whole = run(1, 6);
@@ -713,15 +714,18 @@ mod tests {
     fn forty_steps_lower_the_cost_and_bring_the_cloth_out_of_the_body() {
         let mut trainer = CLASS.trainer();
         let wave = CLASS.wave();
-        let first = trainer.judge(&wave);
+        let first = trainer.judge(&wave).expect("on cores");
         let mut told = Vec::new();
         while trainer.steps() < 40 {
             told.push(trainer.step().expect("finite"));
         }
-        let last = trainer.judge(&wave);
+        let last = trainer.judge(&wave).expect("on cores");
         let excess = |t: &crate::Told| t.energies.membrane + t.energies.contact;
         assert!(excess(&last) < 0.35 * excess(&first), "{first:?} {last:?}");
         assert!(last.under < 0.2 * first.under, "{first:?} {last:?}");
-        assert_eq!(trainer.model(Default::default()).check(), Ok(()));
+        assert_eq!(
+            trainer.model(Default::default()).expect("on cores").check(),
+            Ok(())
+        );
     }
 }

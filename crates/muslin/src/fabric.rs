@@ -43,12 +43,17 @@ pub(crate) fn find(asked: &str) -> Result<(Fabric, Vec<String>), Failure> {
         }
         return Ok((file.fabric, file.warnings));
     }
+    Ok((named(asked)?, Vec::new()))
+}
+
+/// The preset of a name.
+pub(crate) fn named(asked: &str) -> Result<Fabric, Failure> {
     let unknown = |e: muslin_garment::FabricError| {
         Failure::new(Exit::Usage, "unknown-fabric", e.to_string())
             .at("--fabric")
             .hint("muslin list fabrics shows all; a file of your own may be named instead")
     };
-    Ok((Fabric::named(asked).map_err(unknown)?, Vec::new()))
+    Fabric::named(asked).map_err(unknown)
 }
 
 #[cfg(test)]

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use muslin_io::plain;
+
 /// The class of a failure; its number is the exit code of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exit {
@@ -52,6 +54,11 @@ impl Failure {
         }
     }
 
+    /// Whether somebody asked to stop.
+    pub fn is_stop(&self) -> bool {
+        matches!(self.exit, Exit::Interrupted | Exit::Terminated)
+    }
+
     /// Names the file, argument or place.
     pub fn at(mut self, place: impl Into<String>) -> Self {
         self.place = place.into();
@@ -69,30 +76,17 @@ impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "error[{}]: ", self.code)?;
         if !self.place.is_empty() {
-            write!(f, "{}: ", clean(&self.place))?;
+            write!(f, "{}: ", plain(&self.place))?;
         }
-        write!(f, "{}", clean(&self.what))?;
+        write!(f, "{}", plain(&self.what))?;
         if !self.hint.is_empty() {
-            write!(f, "\nhint: {}", clean(&self.hint))?;
+            write!(f, "\nhint: {}", plain(&self.hint))?;
         }
         Ok(())
     }
 }
 
 impl std::error::Error for Failure {}
-
-/// Control characters escaped, so that a file name cannot drive the terminal.
-fn clean(text: &str) -> String {
-    text.chars()
-        .flat_map(|c| {
-            if c.is_control() && c != '\n' {
-                c.escape_default().collect()
-            } else {
-                vec![c]
-            }
-        })
-        .collect()
-}
 
 #[cfg(test)]
 mod tests {

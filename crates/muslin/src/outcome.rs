@@ -44,4 +44,15 @@ impl Outcome {
             fault: parts.into_iter().find_map(|p| p.fault),
         }
     }
+
+    /// What came of several jobs, of which some failed; the fault alone where nothing did.
+    pub(crate) fn with_fault(parts: Vec<Self>, fault: Failure) -> Result<Self, Failure> {
+        if parts.is_empty() {
+            return Err(fault);
+        }
+        Ok(Self {
+            fault: Some(fault),
+            ..Self::all(parts)
+        })
+    }
 }

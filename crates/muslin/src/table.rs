@@ -1,6 +1,7 @@
 //! A small table for people (aligned text) and programs (JSON).
 
 use muslin_geom::{Report, Value};
+use muslin_io::plain;
 
 /// Rows of cells under headings.
 #[derive(Clone, Debug, Default)]
@@ -18,9 +19,10 @@ impl Table {
         }
     }
 
-    /// Adds a row; missing cells stay empty.
-    pub fn row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) -> &mut Self {
-        self.rows.push(cells.into_iter().map(Into::into).collect());
+    /// Adds a row; missing cells stay empty. What a terminal would act on is escaped.
+    pub fn row<S: AsRef<str>>(&mut self, cells: impl IntoIterator<Item = S>) -> &mut Self {
+        let cells = cells.into_iter().map(|c| plain(c.as_ref()));
+        self.rows.push(cells.collect());
         self
     }
 
@@ -72,5 +74,12 @@ mod tests {
         let mut t = Table::new(&["name", "x"]);
         t.row(["a", "1"]).row(["long name", "2"]);
         assert_eq!(t.text(), "name       x\na          1\nlong name  2");
+    }
+
+    #[test]
+    fn names_from_files_cannot_drive_a_terminal() {
+        let mut t = Table::new(&[]);
+        t.row(["walk\u{1b}[2J\u{202e}"]);
+        assert_eq!(t.text(), "walk\\u{1b}[2J\\u{202e}");
     }
 }

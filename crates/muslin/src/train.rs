@@ -21,7 +21,9 @@ use muslin_geom::{Report, Value};
 use muslin_io::{Journal, report_json, write_file, write_weights};
 use muslin_model::Model;
 use muslin_train::published::{Published, System};
-use muslin_train::{LEARNT, SKINNING, Told, Trainer, Training, has_learnt_skinning, placed};
+use muslin_train::{
+    LEARNT, SKINNING, Told, TrainError, Trainer, Training, has_learnt_skinning, placed,
+};
 
 use crate::animate::read_model;
 use crate::brought::is_file;
@@ -256,7 +258,7 @@ impl School<'_, '_> {
         r.set("edge_mm", edge * 1000.0)
             .set("steps", last.step as f64);
         self.report.set("learnt_coarsely", r);
-        Ok(trainer.model(BTreeMap::new()))
+        trainer.model(BTreeMap::new()).map_err(|e| failure(&e))
     }
 
     fn teach(
@@ -295,6 +297,7 @@ impl School<'_, '_> {
         );
         self.done(4, "learn", line)?;
         let model = trainer.model(BTreeMap::new());
+        let model = model.map_err(|e| failure(&e))?;
         let mut files = Vec::with_capacity(class.parts.len() + 2);
         let mut list = Vec::new();
         for (k, name) in class.files(out).into_iter().enumerate() {
@@ -356,6 +359,7 @@ impl School<'_, '_> {
             self.watch.progress(&format!("judging {name}"));
             let shown = lessons::one((avatar, self.hero), figure, (&name, rate))?;
             let told = trainer.judge(&shown.motion);
+            let told = told.map_err(|e| failure(&e))?;
             let mut r = energies(&told);
             r.set("motion", shown.source);
             all.push(Value::Tree(r));
@@ -388,9 +392,11 @@ impl School<'_, '_> {
         let mut last = log.last().unwrap_or_default();
         let (mut pace, mut kept) = (Pace::new(), Instant::now());
         while trainer.steps() < steps {
-            safe.mind(trainer);
+            safe.mind(trainer).map_err(|e| failure(&e))?;
             match trainer.step() {
                 Ok(told) => last = told,
+                // What a device that fails has half done is not kept: what was kept before goes on to the same bits.
+                Err(e @ TrainError::Device(_)) => return Err(failure(&e)),
                 Err(e) => {
                     let what = e.to_string();
                     let back = safe.go_back(trainer, e);

@@ -4,6 +4,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use muslin_io::plain;
+
 use crate::failure::{Exit, Failure};
 
 /// A finished stage of a job.
@@ -22,6 +24,8 @@ pub struct Stage {
 }
 
 /// What a job may call while it works: tells of stages, asks whether to go on.
+///
+/// What it tells is fit for a terminal: names that came in files are escaped where they would drive it.
 pub struct Watch<'a> {
     tell: Box<dyn FnMut(&Stage) + Send + 'a>,
     warn: Box<dyn FnMut(&str) + Send + 'a>,
@@ -61,7 +65,7 @@ impl<'a> Watch<'a> {
 
     /// Says how far the stage has come.
     pub fn progress(&mut self, text: &str) {
-        (self.progress)(text);
+        (self.progress)(&plain(text));
     }
 
     /// A watch that hears nothing, and stops when this one does.
@@ -96,7 +100,7 @@ impl<'a> Watch<'a> {
 
     /// Says something the user should know.
     pub fn warn(&mut self, text: &str) {
-        (self.warn)(text);
+        (self.warn)(&plain(text));
     }
 
     /// Ends stage `number` of `of`; returns the seconds it took, or that the user wants to stop.
@@ -112,7 +116,7 @@ impl<'a> Watch<'a> {
             number,
             of,
             name,
-            result,
+            result: plain(&result),
             seconds,
         });
         self.go_on().map(|()| seconds)

@@ -35,8 +35,6 @@ pub struct OnDevice<'a> {
     /// What of it lies on the device is older here while it is stale.
     host: RefCell<Trainer<'a>>,
     is_stale: Cell<bool>,
-    /// Why the device could not tell what it knows.
-    failed: Cell<Option<CrowdError>>,
     device: Device,
     parts: Parts,
     skins: HashMap<u32, Skins>,
@@ -64,7 +62,6 @@ impl<'a> OnDevice<'a> {
             bytes: 0,
             host: RefCell::new(trainer),
             is_stale: Cell::new(false),
-            failed: Cell::new(None),
             device,
         };
         match out.tell() {
@@ -90,31 +87,20 @@ impl<'a> OnDevice<'a> {
         Ok(())
     }
 
-    /// Asks the device what it knows. Where it cannot tell, what is known here stays, and the next step fails.
-    fn ask(&self) {
+    /// Asks the device what it knows. Where it cannot tell, what is known here stays as it was.
+    fn ask(&self) -> Result<(), CrowdError> {
         if !self.is_stale.get() {
-            return;
+            return Ok(());
         }
         let read = |array: &Array| self.device.read(array);
-        let all = || -> Result<[Vec<f32>; 5], CrowdError> {
-            let l = &self.parts.learnt;
-            Ok([
-                read(&l.params)?,
-                read(&l.mean)?,
-                read(&l.square)?,
-                read(&l.modes)?,
-                read(&l.momentum)?,
-            ])
-        };
-        match all() {
-            Ok([params, mean, square, modes, momentum]) => {
-                let now = &mut self.host.borrow_mut().now;
-                (now.params, now.modes, now.momentum) = (params, modes, momentum);
-                (now.adam.mean, now.adam.square) = (mean, square);
-                self.is_stale.set(false);
-            }
-            Err(e) => self.failed.set(Some(e)),
-        }
+        let l = &self.parts.learnt;
+        let [params, modes, momentum] = [read(&l.params)?, read(&l.modes)?, read(&l.momentum)?];
+        let [mean, square] = [read(&l.mean)?, read(&l.square)?];
+        let now = &mut self.host.borrow_mut().now;
+        (now.params, now.modes, now.momentum) = (params, modes, momentum);
+        (now.adam.mean, now.adam.square) = (mean, square);
+        self.is_stale.set(false);
+        Ok(())
     }
 
     /// What the packs of a step cost, and which vertex of them broke; slopes stay on the device.
@@ -485,9 +471,6 @@ impl Training for OnDevice<'_> {
     }
 
     fn step(&mut self) -> Result<Told, TrainError> {
-        if let Some(e) = self.failed.take() {
-            return Err(e.into());
-        }
         let chosen = self.host.get_mut().choose();
         let mut packs = std::mem::take(&mut self.host.get_mut().now.packs);
         let works = self.try_packs(&chosen, &mut packs);
@@ -505,18 +488,18 @@ impl Training for OnDevice<'_> {
         Ok(told)
     }
 
-    fn judge(&self, motion: &Motion) -> Told {
-        self.ask();
+    fn judge(&self, motion: &Motion) -> Result<Told, TrainError> {
+        self.ask()?;
         self.host.borrow().judge(motion)
     }
 
-    fn model(&self, notes: BTreeMap<String, String>) -> Model {
-        self.ask();
+    fn model(&self, notes: BTreeMap<String, String>) -> Result<Model, TrainError> {
+        self.ask()?;
         self.host.borrow().model(notes)
     }
 
-    fn keep(&self) -> Weights {
-        self.ask();
+    fn keep(&self) -> Result<Weights, TrainError> {
+        self.ask()?;
         self.host.borrow().keep()
     }
 

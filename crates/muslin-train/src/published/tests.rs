@@ -118,10 +118,12 @@ fn skin_weights_that_are_learnt_have_the_slopes_of_the_cost_and_play_and_go_on_a
             first.step().expect("finite");
         }
         assert!(first.skin != before, "{system:?} learns them");
-        again.restore(&first.keep()).expect("of the same training");
+        again
+            .restore(&first.keep().expect("on cores"))
+            .expect("of the same training");
         assert!(again.skin == first.skin);
         go_on_alike([&mut first, &mut again], 3);
-        let model = first.model(Default::default());
+        let model = first.model(Default::default()).expect("on cores");
         assert_eq!(model.check(), Ok(()));
         plays_as_learnt(&first, &model, (0, &CLASS.figure));
         first.wearers[0].sheet.mass.fill(0.0);
@@ -264,7 +266,7 @@ fn without_gravity_turns_and_accelerations_alone_are_heard_in_codes_of_any_size(
     assert!(places(&batch) != before);
     plays_as_learnt(
         &trainer,
-        &trainer.model(Default::default()),
+        &trainer.model(Default::default()).expect("on cores"),
         (0, &CLASS.figure),
     );
 }
@@ -285,13 +287,13 @@ fn a_few_steps_lower_what_a_motion_costs_and_the_model_is_whole() {
         }
         let last = costs(&trainer);
         assert!(last < 0.8 * first, "{system:?}: {first} {last}");
-        let told = trainer.judge(&trainer.clips.motions[0]);
+        let told = trainer.judge(&trainer.clips.motions[0]).expect("on cores");
         let other = told.energies.membrane;
         assert!(
             other > 0.5 * last && other < 2.0 * last,
             "{system:?}: {told:?}"
         );
-        let model = trainer.model(Default::default());
+        let model = trainer.model(Default::default()).expect("on cores");
         assert_eq!(model.check(), Ok(()));
         assert_eq!(model.encoder.name(), system.name());
         assert_eq!(model.encoder.is_moving(), system.is_moving());
@@ -327,11 +329,13 @@ fn a_resumed_training_gives_the_bits_of_an_unbroken_one_on_any_number_of_threads
                     first.step().expect("finite");
                 }
                 let mut again = trainer(Course::of(system));
-                again.restore(&first.keep()).expect("of the same training");
+                again
+                    .restore(&first.keep().expect("on cores"))
+                    .expect("of the same training");
                 while again.steps() < 3 {
                     again.step().expect("finite");
                 }
-                again.keep()
+                again.keep().expect("on cores")
             })
         };
         let whole = run(1, 3);
@@ -364,7 +368,7 @@ fn what_is_not_a_number_is_skipped_a_few_times_and_then_named() {
 fn what_is_played_is_what_was_learnt() {
     for system in ALL {
         let trainer = after(2, system);
-        let model = trainer.model(Default::default());
+        let model = trainer.model(Default::default()).expect("on cores");
         plays_as_learnt(&trainer, &model, (0, &CLASS.figure));
     }
 }
@@ -414,10 +418,10 @@ fn the_recurrent_system_is_told_who_wears_it_and_plays_on_each_of_them() {
     }
     let mut again = new();
     again
-        .restore(&trainer.keep())
+        .restore(&trainer.keep().expect("on cores"))
         .expect("of the same training");
     go_on_alike([&mut trainer, &mut again], 4);
-    let model = trainer.model(Default::default());
+    let model = trainer.model(Default::default()).expect("on cores");
     assert_eq!(model.check(), Ok(()));
     let mut there = model.told(|name| Some(HEAVY.iter().find(|t| t.0 == name)?.1));
     there.template = trainer.wearers[1].template.clone();
@@ -490,7 +494,7 @@ fn an_outer_shirt_learns_to_lie_outside() {
     }
     let last = cost(&trainer);
     assert!(last < 0.5 * first, "{first} {last}");
-    let model = trainer.model(Default::default());
+    let model = trainer.model(Default::default()).expect("on cores");
     let (n, faces) = (model.n_verts() / 2, model.faces.len() / 2);
     let parts = [
         model.garment(0..n, 0..faces),
@@ -588,13 +592,13 @@ fn a_resizer_learns_to_lay_the_cloth_on_every_wearer_and_goes_on_to_the_same_bit
     }
     let mut again = resizing();
     again
-        .restore(&trainer.keep())
+        .restore(&trainer.keep().expect("on cores"))
         .expect("of the same training");
     let edges = &mut again.wearers[1].sheet.edges;
     edges.iter_mut().for_each(|e| e.rest *= 1.1);
     go_on_alike([&mut trainer, &mut again], 3);
     // Played on either of them it lies where it was learnt to.
-    let model = trainer.model(Default::default());
+    let model = trainer.model(Default::default()).expect("on cores");
     assert_eq!(model.check(), Ok(()));
     let read = Model::from_weights(&model.to_weights()).expect("a whole file");
     assert_eq!(read.traits, model.traits);

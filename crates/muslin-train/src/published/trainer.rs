@@ -380,12 +380,12 @@ impl Training for Published<'_> {
         Ok(told)
     }
 
-    fn judge(&self, motion: &Motion) -> Told {
+    fn judge(&self, motion: &Motion) -> Result<Told, TrainError> {
         let motion = at_rate(motion.clone(), self.course.fps);
         let clips = Clips::new(vec![motion], usize::MAX);
         let n = clips.windows.len();
         if n == 0 {
-            return Told::default();
+            return Ok(Told::default());
         }
         let ends = std::array::from_fn(|lane| clips.windows[lane * n / LANES]);
         let chance = Chance {
@@ -394,14 +394,14 @@ impl Training for Published<'_> {
         };
         let batch = self.watched(0, &chance).batch(&clips, ends);
         let work = self.work((&clips, &batch), &chance);
-        Told {
+        Ok(Told {
             step: self.now.step,
             energies: work.energies,
             under: work.under,
-        }
+        })
     }
 
-    fn model(&self, notes: BTreeMap<String, String>) -> Model {
+    fn model(&self, notes: BTreeMap<String, String>) -> Result<Model, TrainError> {
         let [network, shapes, _] = self.parts();
         let codes = self.encoder.n_codes();
         let own = codes + usize::from(self.course.system.recipe().has_constant);
@@ -410,7 +410,7 @@ impl Training for Published<'_> {
             modes.extend_from_slice(row);
             modes.resize(modes.len() + codes + 1 - own, 0.0);
         }
-        Model {
+        Ok(Model {
             notes,
             faces: self.wearers[0].lesson.cloth.faces.clone(),
             template: self.wearers[0].template.clone(),
@@ -428,11 +428,11 @@ impl Training for Published<'_> {
             },
             sway: None,
             resizer: (self.resizing.as_ref()).map(|r| r.model(&self.now.resized)),
-        }
+        })
     }
 
-    fn keep(&self) -> Weights {
-        super::state::keep(self)
+    fn keep(&self) -> Result<Weights, TrainError> {
+        Ok(super::state::keep(self))
     }
 
     fn restore(&mut self, kept: &Weights) -> Result<(), TrainError> {

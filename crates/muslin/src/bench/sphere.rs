@@ -171,7 +171,7 @@ impl Ball {
             let (step, e) = (told.step, told.energies.total());
             watch.progress(&format!("{NAME}: step {step} of {steps}, {e:.4} J a pose"));
         }
-        Ok(trainer.model(BTreeMap::new()))
+        trainer.model(BTreeMap::new()).map_err(|e| failure(&e))
     }
 
     /// Where a model says that the disc lies [m].

@@ -43,15 +43,17 @@ impl<'a> Solver<'a> {
         }
         let garments = clip.garments().len();
         let made_of = |k: usize| {
-            let asked = fabric.or_else(|| clip.fabric(k)).unwrap_or(REFERENCE);
-            let found = fabric::find(asked).map(|f| f.0);
-            found.map_err(|fault| match fabric {
-                Some(_) => fault,
-                None => Failure {
-                    exit: Exit::Invalid,
-                    place: String::new(),
-                    ..fault.hint("it is what the file calls its cloth: name the fabric's own file with --fabric")
-                },
+            if let Some(asked) = fabric {
+                return Ok(fabric::find(asked)?.0);
+            }
+            // A name of somebody else's file leads to no other file.
+            let found = fabric::named(clip.fabric(k).unwrap_or(REFERENCE));
+            found.map_err(|fault| Failure {
+                exit: Exit::Invalid,
+                place: String::new(),
+                ..fault.hint(
+                    "it is what the file calls its cloth: name the fabric's own file with --fabric",
+                )
             })
         };
         let fabrics: Vec<Fabric> = (0..garments).map(made_of).collect::<Result<_, _>>()?;

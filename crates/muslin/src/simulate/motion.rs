@@ -18,7 +18,7 @@ use super::{SimulateOptions, room};
 pub struct Moving {
     /// As asked for: a name, or a file's.
     pub name: String,
-    /// SHA-256 of the file, if it is from one.
+    /// SHA-256 of the file, if it is from one: a recording's, or the character's whose animation it is.
     pub sha256: Option<String>,
     /// The lead-in and the motion.
     pub motion: Motion,
@@ -57,8 +57,11 @@ const MAX_BYTES: u64 = 512 << 20;
 const LEAD_IN: (f64, f64) = (0.06, 0.02);
 /// Limbs that are turned farther off a motion than this are told of [rad].
 const FAR: f64 = 0.35;
-/// Frames that the way in has at least.
+/// Frames that the way in has at least, and at most.
 const SHORTEST: usize = 15;
+const LONGEST: usize = 20_000;
+/// Motions with more frames are refused.
+const MOST_FRAMES: usize = 1 << 20;
 
 /// The motion that the options ask for.
 pub fn load(
@@ -76,6 +79,15 @@ pub fn load(
     }
     let (rest, _) = avatar.dressing(figure);
     found.lead = cut.steps_from(&rest, LEAD_IN).max(SHORTEST);
+    if found.lead > LONGEST {
+        let root = cut.poses[0].root;
+        let what = format!(
+            "its first pose is {:.0} m off the body at rest",
+            root.length()
+        );
+        let fault = Failure::new(Exit::Refused, "far-motion", what).at(found.name);
+        return Err(fault.hint("poses are in metres, over the origin; scale the file"));
+    }
     found.motion = cut.with_lead_in(&rest, found.lead);
     if !found.motion.is_sound() {
         let fault = Failure::new(Exit::Numbers, "motion", "a pose is not finite");
@@ -101,11 +113,11 @@ fn asked(
 ) -> Result<(Moving, Motion), Failure> {
     let path = Path::new(&options.motion);
     let clip = match hero {
-        Some(hero) => hero.clip(&options.motion, options.fps)?,
+        Some(hero) => own(hero, options)?,
         None => None,
     };
     let found = match (clip, motions::NAMES.contains(&options.motion.as_str())) {
-        (Some(motion), _) => own(options, motion),
+        (Some(own), _) => own,
         (None, true) => built_in(avatar, figure, options)?,
         (None, false) if path.exists() || has_kind(path) => file(avatar, figure, path)?,
         (None, false) => return Err(unknown(&options.motion, hero)),
@@ -114,16 +126,17 @@ fn asked(
     Ok((found, cut))
 }
 
-/// An animation of the character's own file.
-fn own(options: &SimulateOptions, motion: Motion) -> Moving {
-    Moving {
+/// An animation of the character's own file, if it has one of that name.
+fn own(hero: &Hero, options: &SimulateOptions) -> Result<Option<Moving>, Failure> {
+    let motion = hero.clip(&options.motion, options.fps)?;
+    Ok(motion.map(|motion| Moving {
         name: options.motion.clone(),
-        sha256: None,
+        sha256: Some(hero.file.sha256.clone()),
         motion,
         lead: 0,
         turned: 0.0,
         warnings: Vec::new(),
-    }
+    }))
 }
 
 fn built_in(
@@ -234,12 +247,9 @@ fn recorded(
 
 /// The part that is asked for, at the rate that is asked for, from over the origin.
 fn cut(motion: &Motion, options: &SimulateOptions) -> Result<Motion, Failure> {
-    let mut motion = match motion.fps == options.fps {
-        true => motion.clone(),
-        false => motion.resampled(options.fps),
-    };
-    let skip = (options.start * options.fps).round() as usize;
-    if skip >= motion.poses.len() {
+    let (all, fps) = (motion.count_at(options.fps), options.fps);
+    let skip = (options.start * fps).round() as usize;
+    if skip >= all {
         let what = format!(
             "--start {} s is beyond its end at {:.2} s",
             options.start,
@@ -247,8 +257,18 @@ fn cut(motion: &Motion, options: &SimulateOptions) -> Result<Motion, Failure> {
         );
         return Err(Failure::new(Exit::Usage, "out-of-range", what));
     }
-    motion.poses.drain(..skip);
-    let most = options.seconds.map(|s| (s * options.fps).round() as usize);
-    motion.poses.truncate(most.unwrap_or(usize::MAX).max(1));
+    let most = options.seconds.map(|s| (s * fps).round() as usize);
+    let count = most.unwrap_or(usize::MAX).clamp(1, all - skip);
+    if count > MOST_FRAMES {
+        let what = format!(
+            "{count} frames, for it lasts {:.0} s (at most {MOST_FRAMES})",
+            motion.duration()
+        );
+        let fault = Failure::new(Exit::Refused, "long-motion", what);
+        return Err(fault.hint(
+            "--start and --seconds take a part; a recording that is not as long has a wrong rate or frame time",
+        ));
+    }
+    let motion = motion.part(fps, skip..skip + count);
     Ok(motion.from_origin())
 }

@@ -164,7 +164,7 @@ fn jobs(motions: &[String], out: &Path, options: &SimulateOptions) -> Result<Vec
     }
 }
 
-/// All outcomes together, or what failed.
+/// All outcomes together, and what failed: a stop before anything else.
 fn summary(jobs: &[Job], results: Vec<Result<Outcome, Failure>>) -> Result<Outcome, Failure> {
     let n = results.len();
     let (mut outcomes, mut failures) = (Vec::new(), Vec::new());
@@ -177,9 +177,6 @@ fn summary(jobs: &[Job], results: Vec<Result<Outcome, Failure>>) -> Result<Outco
     let Some((_, first)) = failures.first() else {
         return Ok(Outcome::all(outcomes));
     };
-    if matches!(first.exit, Exit::Interrupted | Exit::Terminated) {
-        return Err(first.clone());
-    }
     let told = failures.iter().take(8);
     let told = told.map(|(job, f)| format!("\n  {}: {}: {}", job.name, f.code, f.what));
     let what = format!(
@@ -187,11 +184,13 @@ fn summary(jobs: &[Job], results: Vec<Result<Outcome, Failure>>) -> Result<Outco
         failures.len(),
         told.collect::<String>()
     );
-    Err(Failure {
+    let stop = failures.iter().map(|f| &f.1).find(|f| f.is_stop());
+    let fault = stop.cloned().unwrap_or(Failure {
         what,
         place: String::new(),
         ..first.clone()
-    })
+    });
+    Outcome::with_fault(outcomes, fault)
 }
 
 #[cfg(test)]

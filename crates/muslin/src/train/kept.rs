@@ -41,7 +41,7 @@ pub(super) fn keep(
     (part, curve): (&Path, Option<&Path>),
     (log, safe): (&Log, &Safe),
 ) -> Result<(), Failure> {
-    let mut kept = trainer.keep();
+    let mut kept = trainer.keep().map_err(|e| failure(&e))?;
     safe.add_to(&mut kept);
     let text = log.text();
     kept.notes.insert("log".into(), text.clone());

@@ -13,6 +13,7 @@ use muslin_train::published::System;
 use muslin_train::{Lesson, diffused, mixed, thinned};
 use rayon::prelude::*;
 
+use super::told::FROM_FILE;
 use super::{TrainOptions, variety};
 use crate::brought::dressed;
 use crate::drape::{cloth, places};
@@ -242,7 +243,7 @@ pub(super) fn one(
     };
     let moving = motion::load(who, figure, &options)?;
     let source = match &moving.sha256 {
-        Some(hash) => format!("{} sha256:{}", file_name(&moving.name), &hash[..16]),
+        Some(hash) => format!("{}{FROM_FILE}{}", file_name(&moving.name), &hash[..16]),
         None => format!("built-in {}", moving.name),
     };
     let motion = Motion {

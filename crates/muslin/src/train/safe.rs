@@ -23,13 +23,14 @@ pub(super) struct Safe {
 impl Safe {
     /// Keeps the state of a training now and then, so that the same training keeps the same states wherever it was
     /// stopped.
-    pub fn mind(&mut self, trainer: &dyn Training) {
+    pub fn mind(&mut self, trainer: &dyn Training) -> Result<(), TrainError> {
         if self.state.is_none() || trainer.steps().is_multiple_of(EVERY) {
-            let state = trainer.keep();
+            let state = trainer.keep()?;
             if is_finite(&state) {
                 self.state = Some(state);
             }
         }
+        Ok(())
     }
 
     /// Goes back to the state that was kept last, and on from there with its poses in another order; the step. A fault
@@ -131,13 +132,13 @@ mod tests {
             }
             Ok(Told::default())
         }
-        fn judge(&self, _: &Motion) -> Told {
-            Told::default()
+        fn judge(&self, _: &Motion) -> Result<Told, TrainError> {
+            Ok(Told::default())
         }
-        fn model(&self, _: BTreeMap<String, String>) -> Model {
+        fn model(&self, _: BTreeMap<String, String>) -> Result<Model, TrainError> {
             unreachable!("nobody asks")
         }
-        fn keep(&self) -> Weights {
+        fn keep(&self) -> Result<Weights, TrainError> {
             let mut out = Weights::default();
             let array = Array::new(&[1], Numbers::F32(vec![self.value]));
             out.arrays.insert("params".into(), array);
@@ -146,7 +147,7 @@ mod tests {
             out.notes.insert("step".into(), self.step.to_string());
             out.notes.insert("noise".into(), self.order.clone());
             out.notes.insert("bad".into(), "0".into());
-            out
+            Ok(out)
         }
         fn restore(&mut self, kept: &Weights) -> Result<(), TrainError> {
             self.step = kept.notes["step"].parse().expect("a number");
@@ -174,7 +175,7 @@ mod tests {
         let mut safe = Safe::default();
         let mut came = Vec::new();
         while trainer.steps() < 200 {
-            safe.mind(&trainer);
+            safe.mind(&trainer).expect("it tells");
             match trainer.step() {
                 Ok(_) => (),
                 Err(e) => came.push(safe.go_back(&mut trainer, e).expect("it can go back")),
@@ -190,7 +191,7 @@ mod tests {
         let mut trainer = brittle(|step, _| step == 70);
         let mut safe = Safe::default();
         let fault = loop {
-            safe.mind(&trainer);
+            safe.mind(&trainer).expect("it tells");
             if let Err(e) = trainer.step()
                 && let Err(e) = safe.go_back(&mut trainer, e)
             {
@@ -209,12 +210,12 @@ mod tests {
     fn what_is_kept_beside_an_unfinished_training_comes_back_as_it_was() {
         let trainer = brittle(|_, _| false);
         let mut safe = Safe::default();
-        safe.mind(&trainer);
+        safe.mind(&trainer).expect("it tells");
         safe.gone_back = 2;
-        let mut kept = trainer.keep();
+        let mut kept = trainer.keep().expect("it tells");
         safe.add_to(&mut kept);
         let read = Safe::of(&mut kept);
-        assert_eq!(kept, trainer.keep());
+        assert_eq!(Ok(&kept), trainer.keep().as_ref());
         assert_eq!((read.state, read.gone_back), (safe.state, 2));
     }
 }

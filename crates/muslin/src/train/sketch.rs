@@ -10,6 +10,7 @@ use muslin_io::{png, write_file};
 use muslin_picture::{Ground, Options, Scene, Stage, View};
 use muslin_train::Training;
 
+use super::kept::failure;
 use super::lessons::Pupil;
 use crate::animate::model_failure;
 use crate::dress::file_failure;
@@ -65,6 +66,7 @@ impl Sketch<'_> {
 
     fn picture(&self, trainer: &dyn Training) -> Result<Image, Failure> {
         let model = trainer.model(BTreeMap::new());
+        let model = model.map_err(|e| failure(&e))?;
         let player = self.pupil.player(model, self.avatar);
         let mut player = player.map_err(|e| model_failure(&e))?;
         let mut at = vec![[0.0f32; 3]; player.n_verts()];

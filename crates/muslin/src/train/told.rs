@@ -29,6 +29,9 @@ pub(crate) fn topology(faces: &[[u32; 3]]) -> String {
     sha256(&bytes)
 }
 
+/// Stands in a source before the hash of the file that it came in.
+pub(super) const FROM_FILE: &str = " sha256:";
+
 /// What was learnt from, and what its owners ask.
 pub(crate) struct Learnt<'a> {
     /// Whether the body is a character's.
@@ -44,7 +47,8 @@ pub(crate) struct Learnt<'a> {
 impl Learnt<'_> {
     /// The terms of everything that was learnt from.
     pub fn licence(&self) -> String {
-        let is_built_in = |s: &String| s.starts_with("built-in");
+        // What came in a file has its hash.
+        let is_built_in = |s: &String| !s.contains(FROM_FILE);
         let from_file = is_file(self.garment);
         let ours = [
             (!self.is_character, "body CC0"),

@@ -58,9 +58,14 @@ fn a_device_learns_what_a_trainer_does() {
             while host.steps() < 3 {
                 host.step().expect("finite");
             }
-            twin.restore(&host.keep()).expect("the same training");
+            twin.restore(&host.keep().expect("it tells"))
+                .expect("the same training");
             let mut on = on(twin, &device);
-            assert_eq!(on.keep(), host.keep(), "nothing is learnt by moving");
+            assert_eq!(
+                on.keep().expect("it tells"),
+                host.keep().expect("it tells"),
+                "nothing is learnt by moving"
+            );
             for _ in 0..4 {
                 let (a, b) = (on.step().expect("finite"), host.step().expect("finite"));
                 for ((name, a), (_, b)) in a.energies.terms().iter().zip(b.energies.terms()) {
@@ -76,7 +81,7 @@ fn a_device_learns_what_a_trainer_does() {
                     b.under
                 );
             }
-            on.ask();
+            on.ask().expect("it tells");
             let on = on.host.borrow();
             let (a, b) = (&on.now, &host.now);
             assert_eq!(
@@ -106,7 +111,7 @@ fn a_device_goes_on_to_the_same_bits() {
         while broken.steps() < 2 {
             broken.step().expect("finite");
         }
-        let kept = broken.keep();
+        let kept = broken.keep().expect("it tells");
         let mut broken = start();
         broken.restore(&kept).expect("the same training");
         go_on_alike([&mut whole, &mut broken], 4);
@@ -127,7 +132,7 @@ fn a_batch_that_is_not_finite_is_left_out_on_a_device_and_said() {
         }
         // What the device has.
         on.is_stale.set(true);
-        on.ask();
+        on.ask().expect("it tells");
         assert_eq!(bits(&on), before);
         let failed = on.step().expect_err("six in a row");
         assert!(
