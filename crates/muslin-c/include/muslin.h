@@ -7,7 +7,8 @@
  *
  * Metres, seconds, right-handed, Y up, the body faces +Z; a character is in the places and the unit of its file.
  * Quaternions are x, y, z, w; matrices are of 16 numbers, column after column, as glTF has them. A garment may be used by
- * one thread at a time; two garments by two. Nothing here ends the program, and nothing is printed.
+ * one thread at a time; two garments by two. Nothing here ends the program, and nothing is
+ * printed but where a fault of ours is caught.
  *
  *   cargo build --release -p muslin-c
  *   cc program.c -Icrates/muslin-c/include target/release/libmuslin_c.a -lm -lpthread -ldl

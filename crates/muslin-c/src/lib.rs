@@ -60,8 +60,8 @@ impl Worn {
         };
         let given = |x: f64| (x != 0.0).then_some(x);
         let wear = Wear {
+            garment: garment.unwrap_or_default().to_owned(),
             fabric: fabric.map(str::to_owned),
-            ..Wear::parse(garment.unwrap_or_default())
         };
         Ok(DressOptions {
             outfit: vec![wear],

@@ -22,13 +22,16 @@ pub enum IoError {
     /// The system could not read or write: exit code 5.
     #[error("{0}")]
     Disk(Box<Fault>),
+    /// Another job writes there: exit code 8.
+    #[error("{0}")]
+    Busy(Box<Fault>),
 }
 
 impl IoError {
     /// All that is known about the fault.
     pub fn fault(&self) -> &Fault {
         match self {
-            Self::Invalid(f) | Self::Refused(f) | Self::Disk(f) => f,
+            Self::Invalid(f) | Self::Refused(f) | Self::Disk(f) | Self::Busy(f) => f,
         }
     }
 
@@ -44,15 +47,17 @@ impl IoError {
             Self::Invalid(f) => Self::Invalid(named(f)),
             Self::Refused(f) => Self::Refused(named(f)),
             Self::Disk(f) => Self::Disk(named(f)),
+            Self::Busy(f) => Self::Busy(named(f)),
         }
     }
 
-    /// The exit code a command ends with: 3, 4 or 5.
+    /// The exit code a command ends with: 3, 4, 5 or 8.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Invalid(_) => 3,
             Self::Refused(_) => 4,
             Self::Disk(_) => 5,
+            Self::Busy(_) => 8,
         }
     }
 
@@ -160,6 +165,11 @@ impl Fault {
     /// The system says no: exit code 5.
     pub fn disk(self) -> IoError {
         IoError::Disk(Box::new(self))
+    }
+
+    /// Another job is at it: exit code 8.
+    pub fn busy(self) -> IoError {
+        IoError::Busy(Box::new(self))
     }
 }
 

@@ -1,11 +1,12 @@
 //! A journal: records that a long job adds to a file while it works, so that it can go on later.
 //!
 //! Each record carries its length and SHA-256. A record is forced to the disk before the job goes
-//! on; one that a killed job left half-written is not read and is cut off by the next.
+//! on; one that a killed job left half-written is not read and is cut off by the next. While a job has
+//! it open it is locked, and no other job may.
 //! Layout: `MUSLINJ1`, then for each record its length (`u64`, little end first), the 64
 //! hexadecimal digits of its hash, and its bytes.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -29,8 +30,9 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// A new journal with one record, whole on the disk; one that stood there is replaced.
+    /// A new journal with one record, whole on the disk; one that stood there is replaced, if nobody writes it.
     pub fn create(path: &Path, first: &[u8]) -> Result<Self, IoError> {
+        Self::ask(path)?;
         let mut bytes = MAGIC.to_vec();
         bytes.extend(record(first));
         write_file(path, &bytes)?;
@@ -42,6 +44,7 @@ impl Journal {
         if !path.exists() {
             return Ok(None);
         }
+        let mut journal = Self::at_end(path)?;
         let input = read_file(path, MAX_BYTES)?;
         let Some(mut rest) = input.bytes.strip_prefix(MAGIC) else {
             let fault = Fault::new("not-a-journal", name(path), "no unfinished job of Muslin");
@@ -53,7 +56,6 @@ impl Journal {
             rest = after;
         }
         let whole = (input.bytes.len() - rest.len()) as u64;
-        let mut journal = Self::at_end(path)?;
         let cut = journal.file.set_len(whole);
         cut.map_err(|e| unwritable(path, 0, &e))?;
         journal.found = records;
@@ -72,8 +74,19 @@ impl Journal {
         synced.map_err(|e| unwritable(&self.path, bytes.len() as u64, &e))
     }
 
-    /// Removes the journal at `path`, if there is one.
+    /// Whether a job may write a journal at `path`: a fault, if another one does.
+    pub fn ask(path: &Path) -> Result<(), IoError> {
+        match path.exists() {
+            true => Self::at_end(path).map(|_| ()),
+            false => Ok(()),
+        }
+    }
+
+    /// Removes the journal at `path`, if there is one that nobody writes.
     pub fn remove(path: &Path) -> Result<(), IoError> {
+        if matches!(Self::ask(path), Err(IoError::Busy(_))) {
+            return Ok(());
+        }
         match fs::remove_file(path) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(unwritable(path, 0, &e)),
             _ => Ok(()),
@@ -82,9 +95,17 @@ impl Journal {
 
     fn at_end(path: &Path) -> Result<Self, IoError> {
         let file = OpenOptions::new().append(true).open(path);
+        let file = file.map_err(|e| unwritable(path, 0, &e))?;
+        // Where a disk knows no locks, jobs must keep apart by themselves.
+        if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            let fault = Fault::new("busy", name(path), "another job is writing it");
+            return Err(fault
+                .hint("wait for that job, or name another --out")
+                .busy());
+        }
         Ok(Self {
             path: path.to_owned(),
-            file: file.map_err(|e| unwritable(path, 0, &e))?,
+            file,
             found: Vec::new(),
         })
     }
@@ -142,6 +163,7 @@ mod tests {
         journal.append(b"").expect("writable");
         let whole = fs::read(&place.0).expect("readable").len();
         journal.append(b"three").expect("writable");
+        drop(journal);
         let all = fs::read(&place.0).expect("readable");
         assert_eq!(
             records(&place.0),
@@ -152,10 +174,30 @@ mod tests {
             let mut journal = Journal::open(&place.0).expect("whole").expect("there");
             assert_eq!(journal.take_records().len(), 2, "cut at {cut}");
             journal.append(b"again").expect("writable");
+            drop(journal);
             assert_eq!(records(&place.0)[2], b"again");
         }
         Journal::remove(&place.0).expect("removable");
         Journal::remove(&place.0).expect("nothing to remove is no fault");
+    }
+
+    #[test]
+    fn one_job_at_a_time_has_a_journal() {
+        let place = Place::new("busy");
+        let mut journal = Journal::create(&place.0, b"one").expect("writable");
+        let others = [
+            Journal::open(&place.0).err(),
+            Journal::create(&place.0, b"two").err(),
+            Journal::ask(&place.0).err(),
+        ];
+        for fault in others {
+            let fault = fault.expect("another job writes it");
+            assert_eq!((fault.code(), fault.exit_code()), ("busy", 8), "{fault}");
+        }
+        Journal::remove(&place.0).expect("left to the other");
+        journal.append(b"three").expect("writable");
+        drop(journal);
+        assert_eq!(records(&place.0), [b"one".to_vec(), b"three".to_vec()]);
     }
 
     #[test]

@@ -147,7 +147,7 @@ fn dress_photo(
     let chosen = choose(&found, options, photo, job.watch)?;
     let several = chosen.len() > 1;
     let of = found.people.len();
-    let mut outcomes = Vec::new();
+    let (mut outcomes, mut fault) = (Vec::new(), None);
     let cut = OnceLock::new();
     let folder = |n: usize| match several {
         true => out.join(format!("person-{n}")),
@@ -160,22 +160,27 @@ fn dress_photo(
         let mut one = Job::new(&avatar, options, job.watch);
         one.report = job.report.clone();
         one.report.set("person", n).set("people", of);
-        let seen = &found.people[n - 1];
-        one.report.set("pose", tell::pose(seen));
-        one.done(1, "pose", tell::points(seen))?;
-        // Cutting needs nothing of a body's fit, and no more than once.
-        let (fitted, cut) = rayon::join(
-            || fitted(&avatar, options, seen),
-            || cut.get_or_init(|| Cut::new(&avatar, options)),
-        );
-        let model = one.fitted(fitted.map_err(|f| f.at(photo.file.clone()))?, photo)?;
-        outcomes.push(one.clothe(&model, cut, folder)?);
+        match one.dress_person((&found.people[n - 1], photo), &cut, folder) {
+            Ok(outcome) => outcomes.push(outcome),
+            Err(failure) if !several => return Err(failure),
+            Err(stop) if stop.is_stop() => {
+                fault = Some(stop);
+                break;
+            }
+            // The others are dressed all the same.
+            Err(failure) => {
+                fault.get_or_insert(Failure {
+                    what: format!("person {n}: {}", failure.what),
+                    ..failure
+                });
+            }
+        }
     }
-    Ok(if several {
-        Outcome::all(outcomes)
-    } else {
-        outcomes.swap_remove(0)
-    })
+    match fault {
+        Some(fault) => Outcome::with_fault(outcomes, fault),
+        None if several => Ok(Outcome::all(outcomes)),
+        None => Ok(outcomes.swap_remove(0)),
+    }
 }
 
 fn look_for_people(photo: &Photo) -> Result<Found, Failure> {
@@ -243,6 +248,7 @@ pub(crate) fn file_failure(e: &muslin_io::IoError) -> Failure {
     let exit = match e.exit_code() {
         3 => Exit::Invalid,
         4 => Exit::Refused,
+        8 => Exit::Busy,
         _ => Exit::Files,
     };
     Failure::new(exit, e.code(), e.to_string()).hint(e.hint())
@@ -310,6 +316,25 @@ impl<'a, 'w> Job<'a, 'w> {
         let seconds = self.watch.done((number, STAGES), name, result)?;
         self.times.set(name, (seconds * 1e4).round() / 1e4);
         Ok(())
+    }
+
+    /// Dresses somebody in a photo; clothes are cut once for all.
+    fn dress_person(
+        mut self,
+        (seen, photo): (&Seen, &Photo),
+        cut: &OnceLock<Cut>,
+        folder: &Path,
+    ) -> Result<Outcome, Failure> {
+        let (avatar, options) = (self.avatar, self.options);
+        self.report.set("pose", tell::pose(seen));
+        self.done(1, "pose", tell::points(seen))?;
+        // Cutting needs nothing of a body's fit.
+        let (fitted, cut) = rayon::join(
+            || fitted(avatar, options, seen),
+            || cut.get_or_init(|| Cut::new(avatar, options)),
+        );
+        let model = self.fitted(fitted.map_err(|f| f.at(photo.file.clone()))?, photo)?;
+        self.clothe(&model, cut, folder)
     }
 
     /// Tells of a body that was fitted to a person.

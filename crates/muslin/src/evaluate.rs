@@ -133,7 +133,7 @@ pub fn evaluate_file(
     options: &EvaluateOptions,
     watch: &mut Watch,
 ) -> Result<Outcome, Failure> {
-    let beside = path.with_extension("evaluation.json");
+    let beside = beside(path);
     let target = options.out.as_deref().unwrap_or(&beside);
     apart((path, options), target)?;
     let read = |p: &Path| read_clip(p).map_err(|e| file_failure(&e));
@@ -197,6 +197,19 @@ fn size(clip: &Clip) -> Option<String> {
     (!SIZES.contains(&largest)).then(|| {
         format!("the cloth is {largest:.3} m across: positions are to be in metres, or energies and distances mean nothing")
     })
+}
+
+/// Where the report of `path` goes if nobody says: beside it, after its name; a folder keeps what is after a dot there.
+fn beside(path: &Path) -> PathBuf {
+    const OWN: &str = "evaluation.json";
+    if !path.is_dir() {
+        return path.with_extension(OWN);
+    }
+    let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let mut name = full.into_os_string();
+    name.push(".");
+    name.push(OWN);
+    name.into()
 }
 
 /// Refuses to write over what is read, or both results into one file.

@@ -19,6 +19,8 @@ pub enum Exit {
     Numbers = 6,
     /// The result is below its quality gate.
     Quality = 7,
+    /// Another job is writing the same files.
+    Busy = 8,
     /// A fault in Muslin itself.
     Internal = 70,
     /// Stopped by the user.

@@ -66,9 +66,6 @@ pub struct Animate {
     /// Frames a second, 12 to 240.
     #[arg(long, default_value_t = 30.0)]
     pub fps: f64,
-    /// Write the result even if cloth meets cloth or body somewhere.
-    #[arg(long)]
-    pub allow_crossings: bool,
     /// How it is told.
     #[command(flatten)]
     pub telling: Telling,
@@ -92,7 +89,6 @@ impl Animate {
         let dress = DressOptions {
             outfit: named.into_iter().map(worn).collect(),
             body: character(&self.body),
-            allow_crossings: self.allow_crossings,
             ..self.build.of(SimulateOptions::default().dress)
         };
         AnimateOptions {

@@ -74,9 +74,6 @@ pub struct Wearing {
     /// Triangle edge of the garments [mm], 5 to 25.
     #[arg(long, default_value_t = 12.0)]
     pub edge: f64,
-    /// Write the result even if the cloth crosses itself somewhere.
-    #[arg(long)]
-    pub allow_crossings: bool,
 }
 
 impl Wearing {
@@ -89,7 +86,6 @@ impl Wearing {
                 CutName::Loose => Cut::Loose,
             },
             edge: self.edge / 1000.0,
-            allow_crossings: self.allow_crossings,
             ..self.build.of(usual)
         };
         if !self.garment.is_empty() {
@@ -154,6 +150,9 @@ pub struct Shot {
     /// that stays covered is left out of a baked file.
     #[arg(long, value_name = "HOW", default_value = "frames", value_parser = Bake::parse)]
     pub bake: Bake,
+    /// Write the result even if cloth meets cloth or body somewhere.
+    #[arg(long)]
+    pub allow_crossings: bool,
     /// Also write arrays in the exchange layout; with several garments FILE.GARMENT.npz each, with
     /// several motions (`simulate`) DIR/NAME.npz.
     #[arg(long, value_name = "FILE.npz")]
@@ -195,6 +194,7 @@ impl Shot {
             seconds: self.seconds,
             start: self.start,
             dress: DressOptions {
+                allow_crossings: self.allow_crossings,
                 backdrop: self.backdrop.into(),
                 ..options.dress
             },

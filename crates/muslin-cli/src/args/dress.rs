@@ -42,6 +42,9 @@ pub struct Common {
     /// wardrobe say that they lie.
     #[arg(long)]
     pub simulate: bool,
+    /// Write the result even if the cloth crosses itself somewhere; never where it meets the body.
+    #[arg(long)]
+    pub allow_crossings: bool,
     /// Also draw the fitted body over the photo (overlay.png).
     #[arg(long)]
     pub overlay: bool,
@@ -62,6 +65,7 @@ impl Common {
         DressOptions {
             person: self.person.unwrap_or(Person::Largest),
             simulate: self.simulate,
+            allow_crossings: self.allow_crossings,
             overlay: self.overlay,
             backdrop: self.backdrop.into(),
             ..self.wearing.options(DressOptions::default())

@@ -22,7 +22,11 @@ use super::set::Set;
 pub fn shoot(set: &Set, part: Option<(&Path, bool)>, watch: &mut Watch) -> Result<Reel, Failure> {
     let mut take = match part {
         Some((part, true)) => Take::resume(set, part, watch)?,
-        _ => Take::new(set, part.map(|p| p.0)),
+        Some((part, false)) => {
+            Journal::ask(part).map_err(|e| file_failure(&e))?;
+            Take::new(set, Some(part))
+        }
+        None => Take::new(set, None),
     };
     if take.reel.len() < set.moving.frames() {
         film(set, &mut take, watch)?;
