@@ -1,7 +1,8 @@
 //! The walls of the house: which room may use which, read from ARCHITECTURE.md.
 //!
 //! The table's rows read `| floor | room | sentence | may use |`. Every crate must stand in the
-//! table, every arrow of its manifest must be allowed there, and arrows point to lower floors.
+//! table, every arrow of its manifest must be allowed there and every arrow of the table drawn, and arrows point to
+//! lower floors. Modules that may be `unsafe` are named there as well.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,7 +15,7 @@ struct Room {
     may_use: Vec<String>,
 }
 
-/// Compares every crate's manifest with the table in ARCHITECTURE.md.
+/// Compares every crate's manifest and `unsafe` module with the tables in ARCHITECTURE.md.
 pub fn check() -> Outcome {
     let root = root();
     let plan = read(&root.join("ARCHITECTURE.md"))?;
@@ -22,6 +23,17 @@ pub fn check() -> Outcome {
     let mut faults = Vec::new();
     for (name, uses) in manifests(&root)? {
         faults.extend(faults_of(&name, &uses, &rooms));
+    }
+    let mut sources = Vec::new();
+    sources_in(&root.join("crates"), &mut sources)?;
+    for path in sources {
+        if is_unsafe(&read(&path)?) {
+            let name = path.strip_prefix(root.join("crates")).unwrap_or(&path);
+            let name = name.to_string_lossy().replace('\\', "/");
+            if !plan.contains(&format!("`{name}`")) {
+                faults.push(format!("{name} is unsafe, and not named as such"));
+            }
+        }
     }
     if faults.is_empty() {
         Ok(())
@@ -77,6 +89,25 @@ fn manifests(root: &Path) -> Result<Vec<(String, Vec<String>)>, String> {
     Ok(found)
 }
 
+/// All Rust files below a folder.
+fn sources_in(folder: &Path, into: &mut Vec<PathBuf>) -> Result<(), String> {
+    for entry in fs::read_dir(folder).map_err(|e| e.to_string())? {
+        let path = entry.map_err(|e| e.to_string())?.path();
+        if path.is_dir() {
+            sources_in(&path, into)?;
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            into.push(path);
+        }
+    }
+    Ok(())
+}
+
+fn is_unsafe(source: &str) -> bool {
+    source
+        .lines()
+        .any(|l| l.starts_with("#![allow(unsafe_code)]"))
+}
+
 fn uses(manifest: &str) -> Vec<String> {
     let mut section = "";
     let mut names = Vec::new();
@@ -98,6 +129,12 @@ fn faults_of(name: &str, uses: &[String], rooms: &BTreeMap<String, Room>) -> Vec
         return vec![format!("{name} has no row in ARCHITECTURE.md")];
     };
     let mut faults = Vec::new();
+    for far in &room.may_use {
+        let is_drawn = |u: &String| u.strip_prefix("muslin-").unwrap_or(u) == far;
+        if !far.is_empty() && far != "all below" && !uses.iter().any(is_drawn) {
+            faults.push(format!("{name} does not use {far}, as its row says"));
+        }
+    }
     for other in uses {
         let short = other.strip_prefix("muslin-").unwrap_or(other);
         let allowed = room.may_use.iter().any(|m| m == short || m == "all below");
@@ -129,6 +166,7 @@ mod tests {
         let rooms = table(PLAN).unwrap();
         assert!(faults_of("muslin-b", &["muslin-a".into()], &rooms).is_empty());
         assert_eq!(faults_of("muslin-a", &["muslin-b".into()], &rooms).len(), 2);
+        assert_eq!(faults_of("muslin-b", &[], &rooms).len(), 1);
         assert_eq!(faults_of("muslin-c", &[], &rooms).len(), 1);
     }
 
@@ -137,5 +175,15 @@ mod tests {
         let m =
             "[dependencies]\nmuslin-geom.workspace = true\n[dev-dependencies]\nmuslin-io = {}\n";
         assert_eq!(uses(m), ["muslin-geom"]);
+    }
+
+    #[test]
+    fn what_is_unsafe_says_so_at_its_head() {
+        assert!(is_unsafe(
+            "//! Kernels.\n\n#![allow(unsafe_code)] // registers\n"
+        ));
+        assert!(!is_unsafe(
+            "// #![allow(unsafe_code)]\nlet a = \"#![allow(unsafe_code)]\";\n"
+        ));
     }
 }

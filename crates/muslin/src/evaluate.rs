@@ -136,6 +136,10 @@ pub fn evaluate_file(
     let beside = beside(path);
     let target = options.out.as_deref().unwrap_or(&beside);
     apart((path, options), target)?;
+    if let (Some(Against::File(_)), Some(_)) = (&options.against, &options.fabric) {
+        let what = "it is for minimiser and simulator: a file's cloth is what that file has";
+        return Err(Failure::new(Exit::Usage, "no-use", what).at("--fabric"));
+    }
     let read = |p: &Path| read_clip(p).map_err(|e| file_failure(&e));
     let clip = read(path)?;
     let still = options.still.as_deref().map(read).transpose()?;
