@@ -63,7 +63,7 @@ pub enum BodyError {
     Child(f64),
     /// No value of the height phenotype gives this height.
     #[error(
-        "a height of {asked:.3} m is out of reach for this body, which can be {least:.3} to {most:.3} m tall; another gender, age or proportion reaches further"
+        "a height of {:.1} cm is out of reach for this body, which can be {:.1} to {:.1} cm tall; another gender reaches further", asked * 100.0, least * 100.0, most * 100.0
     )]
     HeightOutOfReach {
         /// What was asked for [m].
@@ -75,7 +75,7 @@ pub enum BodyError {
     },
     /// No value of the weight phenotype gives this mass.
     #[error(
-        "{asked:.1} kg is out of reach for this body, which can weigh {least:.1} to {most:.1} kg at its height; another muscle, gender or height reaches further"
+        "{asked:.1} kg is out of reach for this body, which can weigh {least:.1} to {most:.1} kg at its height; another height or gender reaches further"
     )]
     MassOutOfReach {
         /// What was asked for [kg].

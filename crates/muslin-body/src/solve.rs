@@ -74,17 +74,15 @@ impl Shape {
             Ok(t) => return met(1, t),
             Err(reach) => reach,
         };
-        let mut reach = own;
         for k in if kg < own.0 { vec![0] } else { vec![2, 3] } {
-            match span(k)? {
-                Ok(t) => return met(k, t),
-                Err((least, most)) => reach = (reach.0.min(least), reach.1.max(most)),
+            if let Ok(t) = span(k)? {
+                return met(k, t);
             }
         }
         Err(BodyError::MassOutOfReach {
             asked: kg,
-            least: reach.0,
-            most: reach.1,
+            least: mass(&path[0])?,
+            most: mass(&path[path.len() - 1])?,
         })
     }
 

@@ -67,8 +67,11 @@ pub struct Moment<'a> {
     pub state: Option<&'a State>,
 }
 
-/// Frames from one point where a simulation can be resumed to the next.
+/// Frames from one point where a simulation can be resumed to the next, at most.
 pub const CHECKPOINT: usize = 30;
+/// Steps of all vertices from one such point to the next, about: where frames take long there is one sooner. Counted,
+/// not timed, so that every run forgets at the same frames.
+const WORK: usize = 1_500_000;
 
 /// Moves `cloth` with a body; hands every frame to `deliver`, which may stop the work.
 ///
@@ -107,6 +110,8 @@ struct Run<'a> {
     dents: Dents<'a>,
     frame: usize,
     again: Again,
+    /// Steps of all vertices since the last point where it can be resumed.
+    work: usize,
 }
 
 impl<'a> Run<'a> {
@@ -131,6 +136,7 @@ impl<'a> Run<'a> {
             dents,
             frame,
             again: Again::default(),
+            work: 0,
         };
         if let Some(state) = resume {
             same("state", state.verts.len(), weave.n_verts())?;
@@ -203,8 +209,11 @@ impl<'a> Run<'a> {
                 continue;
             };
             let delivered = self.frame - self.walk.lead;
-            let state = delivered.is_multiple_of(CHECKPOINT).then(|| {
-                self.again = Again::default();
+            let steps = self.stage.steps - before;
+            self.work += steps * self.stage.x.len();
+            let keeps = delivered.is_multiple_of(CHECKPOINT) || self.work > WORK;
+            let state = keeps.then(|| {
+                (self.again, self.work) = (Again::default(), 0);
                 self.stage.checkpoint(self.frame)
             });
             let moment = Moment {
@@ -213,7 +222,7 @@ impl<'a> Run<'a> {
                 body: &tidy.skin,
                 yielded: tidy.yielded + self.dents.depth(self.frame - 1),
                 body_intersections: tidy.left,
-                steps: self.stage.steps - before,
+                steps,
                 state: state.as_ref(),
             };
             if deliver(&moment).is_break() {

@@ -73,6 +73,8 @@ pub(crate) const LAID: Options = Options {
 };
 /// For cloth that such steps left too tight, or crossing itself: it is let go once where it is.
 pub(crate) const LET_GO: Options = Options { tugs: 1, ..LAID };
+/// Where cloth is caught, it stretches by so much beyond its limit (1 is its length).
+const CAUGHT: f64 = 0.5;
 /// Largest turn of a joint in one step on the way to the pose [rad].
 const TURN: f64 = 0.09;
 
@@ -110,7 +112,13 @@ impl Quality {
 
     /// Whether nothing is wrong with it.
     fn is_good(&self) -> bool {
-        self.fault(false).is_none() && self.within_limits()
+        self.fault(false).is_none() && self.within_limits() && !self.is_caught()
+    }
+
+    /// Whether single triangles stretch far beyond every limit, where cloth is caught in a fold.
+    pub fn is_caught(&self) -> bool {
+        let limits = self.stretch.iter().filter_map(|s| s.1);
+        self.settled.stretch_max > limits.fold(0.0, f64::max) + CAUGHT
     }
 
     /// The largest 99th percentile of the garments' stretch.

@@ -233,11 +233,19 @@ fn choose(
     }
 }
 
+/// Scores that a person has at least.
+const NEEDED: f64 = 0.5;
+
 fn nobody(found: &Found) -> Failure {
-    let what = format!(
-        "no person found: best score {:.2}, {:.2} for a whole person (needed 0.50 each)",
-        found.best_score, found.best_presence
-    );
+    let (score, whole) = (found.best_score, found.best_presence);
+    let what = match score.min(whole) >= NEEDED {
+        true => {
+            "no person found: what looks like one shows too few of a person's points".to_owned()
+        }
+        false => format!(
+            "no person found: best score {score:.2}, {whole:.2} for a whole person (needed {NEEDED:.2} each)"
+        ),
+    };
     let hint = "use a photo that shows a person from head to feet, upright, in good light, \
                 at least 200 pixels tall; one of many, or far away, is found once the picture is cut to them";
     Failure::new(Exit::Invalid, "nobody-found", what).hint(hint)
@@ -344,7 +352,11 @@ impl<'a, 'w> Job<'a, 'w> {
         photo: &'p Photo,
     ) -> Result<Model<'p>, Failure> {
         let measures = self.avatar.measure(&sitter.figure);
-        let mut body = tell::person(&fit.shape, &measures);
+        let mut body = match self.options.weight {
+            Some(_) => tell::person(&fit.shape, &measures),
+            // Girths that nobody has measured say nothing of a size.
+            None => tell::body(&fit.shape, &measures),
+        };
         let doubts = tell::doubts(&fit, self.options);
         tell::fit(&mut body, &fit, &doubts);
         self.report.set("body", body);
@@ -390,6 +402,11 @@ impl<'a, 'w> Job<'a, 'w> {
         }
         if !dressed.quality.within_limits() {
             self.warn("the cloth is stretched beyond its fabric's limit; try --cut loose".into());
+        } else if dressed.quality.is_caught() {
+            let most = dressed.quality.settled.stretch_max * 100.0;
+            self.warn(format!(
+                "the cloth is caught somewhere, and stretched by {most:.0} % there; try --simulate, or a finer --edge"
+            ));
         }
         let turned = model.sitter.turned;
         if turned > TURNED {

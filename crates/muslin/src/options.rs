@@ -125,7 +125,11 @@ impl DressOptions {
             "cm",
             self.height.map(|h| h * 100.0),
             (120.0, 230.0),
-        )?;
+        )
+        .map_err(|f| match self.height.is_some_and(|h| h < 0.03) {
+            true => f.hint("heights are in centimetres: 175 is 1.75 m"),
+            false => f,
+        })?;
         if let (Some(_), Some(name)) = (&self.body, self.shaped()) {
             let what = "a character has a shape of its own";
             let fault = Failure::new(Exit::Usage, "own-shape", what).at(name);

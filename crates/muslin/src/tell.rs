@@ -308,9 +308,17 @@ pub fn table(report: &Report, out: &Path) -> String {
         Some(Value::Number(x)) => x.to_string(),
         _ => "-".to_owned(),
     };
+    let signed = |path: &[&str]| match dig(report, path) {
+        Some(Value::Number(x)) => format!("{x:+}"),
+        _ => "-".to_owned(),
+    };
     let body = ["height_cm", "chest_cm", "waist_cm", "hip_cm"].map(|n| number(&["body", n]));
     let size = match dig(report, &["body", "size"]) {
         Some(Value::Text(size)) => format!("; wears size {size} by the chest"),
+        _ if report.get("photo").is_some() => {
+            "; girths are a guess, a photo does not tell them: give --weight, --height, --gender"
+                .into()
+        }
         _ => String::new(),
     };
     table.row([
@@ -332,11 +340,13 @@ pub fn table(report: &Report, out: &Path) -> String {
     };
     if let Some(label) = label {
         let wider = ["chest", "waist", "hip"]
-            .map(|n| number(&["size", &format!("wider_than_wearer_{n}_cm")]));
+            .map(|n| signed(&["size", &format!("wider_than_wearer_{n}_cm")]));
         let [chest, waist, hip] = wider;
         table.row([
             "size",
-            &format!("{label}, cut for a chest {chest}, a waist {waist} and a hip {hip} cm wider than these"),
+            &format!(
+                "{label}, cut for a chest {chest}, a waist {waist} and a hip {hip} cm beside these"
+            ),
         ]);
     }
     let drape = [

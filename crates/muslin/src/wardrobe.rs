@@ -1,5 +1,6 @@
 //! The wardrobe: trained garments that come with the program.
 
+use std::path::Path;
 use std::slice;
 
 use glam::DVec3;
@@ -57,9 +58,9 @@ pub(crate) fn model(garment: &str) -> Result<Model, Failure> {
         return Err(Failure::new(Exit::Usage, "not-taught", what)
             .at("--garment")
             .hint(format!(
-                "there is {}; `muslin train --garment {garment} -o {garment}.muslin` teaches another, \
-                 and --model plays it",
-                near.join(", ")
+                "there is {}; `muslin train --garment {garment} -o {}.muslin` teaches another, and --model plays it",
+                near.join(", "),
+                muslin_io::name(Path::new(Path::new(garment).file_stem().unwrap_or_default()))
             )));
     };
     decode_model(name, bytes)

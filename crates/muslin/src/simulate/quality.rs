@@ -195,9 +195,10 @@ impl Quality {
         out
     }
 
-    /// Middle and longest time of a frame [ms]; the first is not counted: it has the lead-in.
+    /// Middle and longest time of a frame [ms]; the first is not counted where there are others: it has the lead-in.
     pub fn pace(&self) -> [f64; 2] {
-        let laps = self.told.iter().skip(1).map(|t| t.seconds * 1e3);
+        let first = usize::from(self.told.len() > 1);
+        let laps = self.told.iter().skip(first).map(|t| t.seconds * 1e3);
         let mut laps: Vec<f64> = laps.collect();
         laps.sort_unstable_by(f64::total_cmp);
         let middle = laps.get(laps.len() / 2).copied().unwrap_or(f64::NAN);
@@ -221,7 +222,7 @@ impl Quality {
         let [touching, crossed] = self.faulty();
         let [median, _] = self.pace();
         format!(
-            "{} frames, {median:.0} ms each; {touching} with cloth in the body, {crossed} in itself, {} solved again",
+            "{} frames, {median:.0} ms each by the median; {touching} with cloth in the body, {crossed} in itself, {} solved again",
             self.told.len(),
             self.again,
         )

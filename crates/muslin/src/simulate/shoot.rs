@@ -18,7 +18,7 @@ use super::set::Set;
 /// Simulates all frames, from where the file `part` ends if that is asked for; those in which cloth still meets the
 /// body are then reached once more.
 ///
-/// Every [`muslin_sim::CHECKPOINT`] frames, and at the end, what is new is added to `part`, if there is one.
+/// Every [`muslin_sim::CHECKPOINT`] frames, sooner where they take long, and at the end, what is new is added to `part`, if there is one.
 pub fn shoot(set: &Set, part: Option<(&Path, bool)>, watch: &mut Watch) -> Result<Reel, Failure> {
     let mut take = match part {
         Some((part, true)) => Take::resume(set, part, watch)?,
