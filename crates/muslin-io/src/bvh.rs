@@ -12,10 +12,12 @@ use crate::{Fault, IoError, Place};
 use glam::{DQuat, DVec3};
 use hierarchy::{Channel, Joint, hierarchy};
 use muslin_body::retarget::{Frame, Recording, Skeleton};
-use words::{Bad, Words, clean, error, parse};
+use words::{Bad, Words, clean, error, large, parse};
 
 const MAX_BYTES: usize = 256 << 20;
 const MAX_NUMBERS: usize = 32 << 20;
+/// Joints of all frames together, whether or not they have numbers; 56 bytes each.
+const MAX_PLACES: usize = 32 << 20;
 
 /// A recording, and what had to be mended to read it.
 #[derive(Debug, Clone)]
@@ -38,8 +40,16 @@ pub fn read(name: &str, bytes: &[u8]) -> Result<Bvh, IoError> {
         return Err(fault.found(bytes.len()).allowed(MAX_BYTES).refused());
     }
     parse_file(bytes).map_err(|bad| {
-        let fault = Fault::new("bvh", name, bad.what).at(Place::Line(bad.line));
-        fault.hint("export the recording as BVH again").invalid()
+        let fault = |code| Fault::new(code, name, bad.what).at(Place::Line(bad.line));
+        match bad.allowed {
+            Some(allowed) => fault("bvh-large")
+                .allowed(allowed)
+                .hint("cut the recording, or leave out joints that do not move")
+                .refused(),
+            None => fault("bvh")
+                .hint("export the recording as BVH again")
+                .invalid(),
+        }
     })
 }
 
@@ -57,7 +67,7 @@ fn parse_file(bytes: &[u8]) -> Result<Bvh, Bad> {
     }
     let (declared, frame_time) = motion_head(&mut words)?;
     let fps = frames_per_second(frame_time, &mut warnings);
-    let numbers = numbers(&mut words)?;
+    let numbers = numbers(&mut words, MAX_NUMBERS)?;
     let frames = frames(&joints, &numbers, declared, &mut warnings)?;
     let recording = Recording {
         skeleton: skeleton(joints),
@@ -113,14 +123,11 @@ fn frames_per_second(frame_time: f64, warnings: &mut Vec<String>) -> f64 {
     30.0
 }
 
-fn numbers(words: &mut Words) -> Result<Vec<f64>, Bad> {
+fn numbers(words: &mut Words, most: usize) -> Result<Vec<f64>, Bad> {
     let mut numbers = Vec::new();
     while let Some(word) = words.next() {
-        if numbers.len() >= MAX_NUMBERS {
-            return Err(error(
-                words.line,
-                format!("more than {MAX_NUMBERS} numbers"),
-            ));
+        if numbers.len() >= most {
+            return Err(large(words.line, "too many numbers", most.to_string()));
         }
         numbers.push(parse(word, words.line)?);
     }
@@ -160,6 +167,11 @@ fn frames(
             1,
             format!("no whole frame: {} of {width} numbers", numbers.len()),
         ));
+    }
+    if count.saturating_mul(joints.len()) > MAX_PLACES {
+        let what = format!("{count} frames of {} joints are too many", joints.len());
+        let allowed = format!("{MAX_PLACES} joints in all frames");
+        return Err(large(1, what, allowed));
     }
     let absolute = positions_are_absolute(joints, &numbers[..width]);
     Ok(numbers

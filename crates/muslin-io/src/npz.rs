@@ -9,10 +9,12 @@ mod npy;
 use std::collections::BTreeMap;
 
 use crate::error::{Fault, IoError, Place};
-use crate::zip;
+use crate::zip::{self, Bad};
 
 /// An archive of more unpacked bytes is refused.
 const MAX_BYTES: u64 = 4 << 30;
+/// Arrays that need more memory together are refused [bytes]: integers are kept in 64 bits.
+const MAX_MEMORY: usize = 8 << 30;
 
 /// Numbers or words with a shape; the last axis runs fastest.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,28 +47,34 @@ pub struct Npz {
 
 /// Reads an archive; `name` is what errors call it.
 pub fn read(name: &str, bytes: &[u8]) -> Result<Npz, IoError> {
-    let bad = |what: String| {
-        let fault = Fault::new("npz", name, what);
-        fault.hint("write it again with numpy.savez").invalid()
+    let bad = |bad: Bad| match bad {
+        Bad::Large(..) => bad.told(|what| Fault::new("npz-large", name, what)),
+        Bad::Broken(_) => bad.told(|what| {
+            let fault = Fault::new("npz", name, what);
+            fault.hint("write it again with numpy.savez")
+        }),
     };
     let mut npz = Npz {
         file: name.into(),
         ..Npz::default()
     };
-    let mut room = MAX_BYTES;
+    let (mut room, mut memory) = (MAX_BYTES, MAX_MEMORY);
     for member in zip::members(bytes).map_err(bad)? {
         let Some(array) = member.name.strip_suffix(".npy") else {
             continue;
         };
         if member.size > room {
-            let fault = Fault::new("npz-large", name, "too much data in the archive");
-            return Err(fault.allowed("4 GiB").refused());
+            let what = "too much data in the archive";
+            return Err(bad(Bad::Large(what, "4 GiB".into())));
         }
         room -= member.size;
-        let at = |what: String| bad(format!("array {array:?}: {what}"));
-        let data = zip::unpack(bytes, &member).map_err(at)?;
-        npz.arrays
-            .insert(array.to_owned(), npy::read(&data).map_err(at)?);
+        let at = |e: Bad| match e {
+            Bad::Broken(what) => bad(format!("array {array:?}: {what}").into()),
+            large => bad(large),
+        };
+        let data = zip::unpack(bytes, &member).map_err(|what| at(what.into()))?;
+        let read = npy::read(&data, &mut memory).map_err(at)?;
+        npz.arrays.insert(array.to_owned(), read);
     }
     if npz.arrays.is_empty() {
         return Err(bad("no arrays in the archive".into()));

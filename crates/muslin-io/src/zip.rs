@@ -7,10 +7,42 @@ use std::io::Read;
 use flate2::Crc;
 use flate2::read::DeflateDecoder;
 
+use crate::error::{Fault, IoError};
+
 /// What an archive begins with that has members.
 pub const MAGIC: &[u8] = b"PK\x03\x04";
 /// More members are refused.
 const MAX_MEMBERS: usize = 4096;
+
+/// What is wrong with an archive.
+pub enum Bad {
+    /// It breaks its format, as the words say.
+    Broken(String),
+    /// It has too much of something: of what, and how much is allowed.
+    Large(&'static str, String),
+}
+
+impl Bad {
+    /// As an error: too much is refused, all else is invalid.
+    pub fn told(self, fault: impl FnOnce(String) -> Fault) -> IoError {
+        match self {
+            Self::Broken(what) => fault(what).invalid(),
+            Self::Large(what, allowed) => fault(what.into()).allowed(allowed).refused(),
+        }
+    }
+}
+
+impl From<String> for Bad {
+    fn from(what: String) -> Self {
+        Self::Broken(what)
+    }
+}
+
+impl From<&str> for Bad {
+    fn from(what: &str) -> Self {
+        Self::Broken(what.into())
+    }
+}
 
 /// A member as the archive's list tells it.
 pub struct Member {
@@ -35,7 +67,7 @@ fn place(n: u64) -> Result<usize, String> {
 }
 
 /// All members in the order of the list.
-pub fn members(bytes: &[u8]) -> Result<Vec<Member>, String> {
+pub fn members(bytes: &[u8]) -> Result<Vec<Member>, Bad> {
     let end = end_of_list(bytes)?;
     let (mut count, mut at) = (number(bytes, end + 10, 2)?, number(bytes, end + 16, 4)?);
     let is_large = count == 0xffff || at == 0xffff_ffff;
@@ -50,7 +82,7 @@ pub fn members(bytes: &[u8]) -> Result<Vec<Member>, String> {
         );
     }
     if count > MAX_MEMBERS as u64 {
-        return Err(format!("{count} members, allowed {MAX_MEMBERS}"));
+        return Err(Bad::Large("too many members", MAX_MEMBERS.to_string()));
     }
     let mut at = place(at)?;
     let mut out = Vec::new();

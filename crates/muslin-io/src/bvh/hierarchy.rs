@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::words::{Bad, Words, clean, error};
+use super::words::{Bad, Words, clean, error, large};
 
 const MAX_JOINTS: usize = 4096;
 const MAX_DEPTH: usize = 256;
@@ -81,8 +81,8 @@ fn begin(w: &mut Words, joints: &mut Vec<Joint>, open: &mut Vec<Block>) -> Resul
         Some(Block::End(_)) => return Err(error(w.line, "a joint inside an End Site")),
     };
     if joints.len() >= MAX_JOINTS || open.len() >= MAX_DEPTH {
-        let what = format!("more than {MAX_JOINTS} joints or {MAX_DEPTH} levels");
-        return Err(error(w.line, what));
+        let allowed = format!("{MAX_JOINTS} joints, {MAX_DEPTH} levels");
+        return Err(large(w.line, "too many joints or levels", allowed));
     }
     open_brace(w)?;
     open.push(Block::Joint(joints.len()));

@@ -88,6 +88,36 @@ fn bad_files_are_named_by_line() {
     }
 }
 
+/// A file of so many joints below one root, of which the root alone has a channel.
+fn broom(joints: usize, motion: &str) -> String {
+    let joint = "JOINT a\n{\nOFFSET 0 0 1\n}\n".repeat(joints - 1);
+    let root = "HIERARCHY\nROOT r\n{\nOFFSET 0 0 0\nCHANNELS 1 Xposition\n";
+    format!("{root}{joint}}}\nMOTION\n{motion}")
+}
+
+#[test]
+fn what_is_too_large_is_refused_with_what_is_allowed() {
+    let motion = |n: usize| {
+        let numbers = "0 ".repeat(n);
+        format!("Frames: {n}\nFrame Time: 0.1\n{numbers}")
+    };
+    let whole = read("a.bvh", broom(4096, &motion(9)).as_bytes()).expect("sound");
+    assert_eq!(whole.recording.frames.len(), 9);
+    let deep = format!("HIERARCHY\n{}", "ROOT a\n{\n".repeat(400));
+    for (text, told) in [
+        (broom(4096, &motion(9000)), "9000 frames of 4096 joints"),
+        (broom(4097, &motion(1)), "joints"),
+        (deep, "levels"),
+    ] {
+        let fault = read("a.bvh", text.as_bytes()).expect_err(told);
+        let text = fault.to_string();
+        assert!(text.contains(told) && text.contains("allowed"), "{fault}");
+        assert_eq!((fault.code(), fault.exit_code()), ("bvh-large", 4));
+    }
+    let many = numbers(&mut Words::new("1 2\n3 4"), 3).expect_err("four");
+    assert_eq!((many.line, many.allowed.as_deref()), (2, Some("3")));
+}
+
 #[test]
 fn names_are_made_printable() {
     let text = TINY

@@ -8,12 +8,22 @@ const MAX_NAME: usize = 64;
 pub struct Bad {
     pub line: usize,
     pub what: String,
+    /// Where it is too much of something: how much is allowed.
+    pub allowed: Option<String>,
 }
 
 pub fn error(line: usize, what: impl Into<String>) -> Bad {
     Bad {
         line,
         what: what.into(),
+        allowed: None,
+    }
+}
+
+pub fn large(line: usize, what: impl Into<String>, allowed: impl Into<String>) -> Bad {
+    Bad {
+        allowed: Some(allowed.into()),
+        ..error(line, what)
     }
 }
 

@@ -6,8 +6,9 @@ use crate::zip::{Member, members, unpack};
 
 /// The fabric of the first file in the archive that says how it moves: its U3M files, then its other JSON.
 pub fn read(file: &str, bytes: &[u8]) -> Result<FabricFile, IoError> {
-    let bad = |what: String| Fault::new("fabric-archive", file, what).invalid();
-    let all = members(bytes).map_err(bad)?;
+    let fault = |what: String| Fault::new("fabric-archive", file, what);
+    let bad = |what: String| fault(what).invalid();
+    let all = members(bytes).map_err(|e| e.told(fault))?;
     let ends = |end: &'static str| {
         let ending = move |m: &&Member| m.name.to_lowercase().ends_with(end);
         all.iter().filter(ending)

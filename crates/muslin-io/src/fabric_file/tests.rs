@@ -125,6 +125,16 @@ fn archive(files: &[(&str, &[u8])]) -> Vec<u8> {
 }
 
 #[test]
+fn an_archive_of_too_many_members_is_refused() {
+    let mut bytes = archive(&[("knit.json", U3M.as_bytes())]);
+    let end = bytes.len() - 22;
+    bytes[end + 10..end + 12].copy_from_slice(&4097u16.to_le_bytes());
+    let fault = parse_fabric("k.u3ma", "k", &bytes).expect_err("4097 members");
+    assert_eq!((fault.code(), fault.exit_code()), ("fabric-archive", 4));
+    assert!(fault.to_string().contains("allowed 4096"), "{fault}");
+}
+
+#[test]
 fn an_archive_gives_the_physics_in_it_and_names_what_is_wrong() {
     let looks: (&str, &[u8]) = ("Knit.u3m", b"{\"schema\": \"1.0\", \"material\": {}}");
     let picture: (&str, &[u8]) = ("textures/knit.jpg", &[0xff, 0xd8]);

@@ -7,21 +7,27 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 use muslin_body::Character;
 use serde_json::Value;
 
 use super::baked::GARMENT;
 use super::buffer::{Glb, int};
 use super::pack;
-use super::play::{Stage, matrix};
-use crate::error::IoError;
+use super::play::{MAX_JOINTS, Stage, matrix};
+use crate::error::{Fault, IoError, Place};
 use crate::input::read_file;
 
 /// Files with more bytes are refused.
 const MAX_BYTES: u64 = 512 << 20;
 /// More vertices are refused.
 const MAX_VERTS: usize = 2_000_000;
+/// Longer animations are refused [s].
+const MAX_SECONDS: f64 = 36_000.0;
+/// More frames of an animation are refused.
+const MAX_FRAMES: usize = 1 << 20;
+/// Animations that need more memory are refused [bytes].
+const MAX_PLAYED: usize = 8 << 30;
 
 /// A character as its file has it.
 #[derive(Clone, Debug)]
@@ -64,8 +70,7 @@ pub fn read_character(path: &Path) -> Result<CharacterFile, IoError> {
     for extension in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
         let list = glb.json["extensionsRequired"].as_array();
         if list.is_some_and(|l| l.iter().any(|e| e == extension)) {
-            let what = format!("its meshes are compressed by {extension}, which is not read");
-            return Err(glb.fault("/extensionsRequired", &what));
+            return Err(compressed(&input.file, extension));
         }
     }
     let mut reader = Reader::new(&glb)?;
@@ -95,16 +100,42 @@ pub fn read_character(path: &Path) -> Result<CharacterFile, IoError> {
     })
 }
 
+fn compressed(file: &str, extension: &str) -> IoError {
+    let what = format!("its meshes are compressed by {extension}, which is not read");
+    let fault = Fault::new("glb", file, what).at(Place::Pointer("/extensionsRequired".into()));
+    let fault = fault.allowed("meshes without compression");
+    fault.hint("export it without compression").refused()
+}
+
 impl CharacterFile {
     /// `world_from_joint` of every joint in animation number `clip`, `fps` times a second.
+    ///
+    /// Refuses more than ten hours, 2²⁰ frames or 8 GiB.
     pub fn play(&self, clip: usize, fps: f64) -> Result<Vec<Vec<DAffine3>>, IoError> {
+        self.glb.anew();
         let stage = Stage::playing(&self.glb, clip)?;
-        let frames = (stage.end() * fps).floor() as usize + 1;
+        let frames = self.frames(clip, stage.end(), fps)?;
         let at = |k: usize| {
             let time = k as f64 / fps;
             self.nodes.iter().map(|n| stage.world(*n, time)).collect()
         };
         Ok((0..frames).map(at).collect())
+    }
+
+    /// How many frames animation number `clip` has, which ends at `end` [s].
+    fn frames(&self, clip: usize, end: f64, fps: f64) -> Result<usize, IoError> {
+        let pointer = format!("/animations/{clip}");
+        if end > MAX_SECONDS {
+            let allowed = format!("{MAX_SECONDS} s");
+            return Err(self.glb.large(&pointer, "it is too long", allowed));
+        }
+        let frames = ((end * fps).floor() as usize).saturating_add(1);
+        let most = MAX_PLAYED / (self.nodes.len() * size_of::<DAffine3>());
+        let most = most.min(MAX_FRAMES);
+        match frames <= most {
+            true => Ok(frames),
+            false => Err(self.glb.large(&pointer, "it has too many frames", most)),
+        }
     }
 }
 
@@ -128,57 +159,62 @@ fn is_garment(node: &Value) -> bool {
     node["extras"]["muslin"] == GARMENT
 }
 
+/// The nodes that are joints of a skin, but for those of `ours`; parents first.
+fn joints(glb: &Glb, stage: &Stage, ours: &[usize]) -> Result<Vec<usize>, IoError> {
+    let n = glb.list("nodes").len();
+    let mut is_joint = vec![false; n];
+    for (s, skin) in glb.list("skins").iter().enumerate() {
+        if ours.contains(&s) {
+            continue;
+        }
+        for j in skin["joints"].as_array().into_iter().flatten() {
+            let slot = int(j).and_then(|j| is_joint.get_mut(j));
+            let slot = slot.ok_or_else(|| no_node(glb, s))?;
+            *slot = true;
+        }
+    }
+    let mut nodes: Vec<usize> = (0..n).filter(|i| is_joint[*i]).collect();
+    if nodes.is_empty() {
+        return Err(glb.fault(
+            "/skins",
+            "no mesh is skinned: a character needs a skeleton and skin weights",
+        ));
+    }
+    if nodes.len() > MAX_JOINTS {
+        return Err(glb.large("/skins", "too many joints", MAX_JOINTS));
+    }
+    for node in &nodes {
+        stage.check_depth(glb, *node)?;
+    }
+    nodes.sort_by_cached_key(|i| (stage.above(*i).count(), *i));
+    Ok(nodes)
+}
+
+fn no_node(glb: &Glb, skin: usize) -> IoError {
+    glb.fault(&format!("/skins/{skin}"), "a joint that is no node")
+}
+
+/// The joints that a mesh may follow, in its skin's order.
+struct Bones {
+    /// Their numbers.
+    joints: Vec<usize>,
+    /// Inverse bind matrices.
+    back: Vec<DAffine3>,
+    /// To where the first skin has bound them; as a rule the same for all.
+    places: Vec<DAffine3>,
+}
+
 impl<'a> Reader<'a> {
     /// Joints of all skins, parents first.
     fn new(glb: &'a Glb<'static>) -> Result<Self, IoError> {
-        let stage = Stage::still(glb)?;
-        let n = glb.list("nodes").len();
-        let mut is_joint = vec![false; n];
-        let ours = garments(glb);
-        for (s, skin) in glb.list("skins").iter().enumerate() {
-            if ours.contains(&s) {
-                continue;
-            }
-            for j in skin["joints"].as_array().into_iter().flatten() {
-                let slot = int(j).and_then(|j| is_joint.get_mut(j));
-                *slot.ok_or_else(|| {
-                    glb.fault(&format!("/skins/{s}"), "a joint that is no node")
-                })? = true;
-            }
-        }
-        if !is_joint.contains(&true) {
-            return Err(glb.fault(
-                "/skins",
-                "no mesh is skinned: a character needs a skeleton and skin weights",
-            ));
-        }
-        let depth = |mut i: usize| {
-            let mut d = 0;
-            while let (Some(p), true) = (stage.parents[i], d <= n) {
-                (i, d) = (p, d + 1);
-            }
-            d
-        };
-        let mut nodes: Vec<usize> = (0..n).filter(|i| is_joint[*i]).collect();
-        if nodes.iter().any(|i| depth(*i) > n) {
-            return Err(glb.fault("/nodes", "nodes that are their own ancestors"));
-        }
-        nodes.sort_by_key(|i| (depth(*i), *i));
-        let mut joint_of = vec![None; n];
+        let (stage, ours) = (Stage::still(glb)?, garments(glb));
+        let nodes = joints(glb, &stage, &ours)?;
+        let mut joint_of = vec![None; glb.list("nodes").len()];
         nodes
             .iter()
             .enumerate()
             .for_each(|(j, i)| joint_of[*i] = Some(j));
-        let above = |i: &usize| {
-            let mut at = stage.parents[*i];
-            while let Some(p) = at {
-                if joint_of[p].is_some() {
-                    return joint_of[p];
-                }
-                at = stage.parents[p];
-            }
-            None
-        };
+        let above = |i: &usize| stage.above(*i).find_map(|p| joint_of[p]);
         let name = |i: &usize| {
             glb.list("nodes")[*i]["name"]
                 .as_str()
@@ -199,32 +235,42 @@ impl<'a> Reader<'a> {
             character,
             pieces: Vec::new(),
         };
-        // Later skins do not move what an earlier one has bound.
-        let mut set = vec![false; reader.nodes.len()];
-        for s in (0..glb.list("skins").len()).filter(|s| !ours.contains(s)) {
-            let (joints, back) = reader.skin(s)?;
+        reader.bind(&ours)?;
+        Ok(reader)
+    }
+
+    /// Where skins bind the joints. Later skins do not move what an earlier one has bound.
+    fn bind(&mut self, ours: &[usize]) -> Result<(), IoError> {
+        let mut set = vec![false; self.nodes.len()];
+        for s in (0..self.glb.list("skins").len()).filter(|s| !ours.contains(s)) {
+            let (joints, back) = self.skin(s)?;
             let first = joints.iter().zip(&back).min_by_key(|(j, _)| **j);
             let Some((first, inverse)) = first else {
                 continue;
             };
-            let ground = reader.stage.world(reader.nodes[*first], 0.0) * *inverse;
+            let ground = self.stage.world(self.nodes[*first], 0.0) * *inverse;
             for (j, inverse) in joints.iter().zip(&back) {
                 if !std::mem::replace(&mut set[*j], true) {
-                    reader.character.bound[*j] = ground * inverse.inverse();
+                    self.character.bound[*j] = ground * inverse.inverse();
                 }
             }
         }
-        Ok(reader)
+        Ok(())
     }
 
     /// Joint numbers and inverse bind matrices of a skin.
     fn skin(&self, s: usize) -> Result<(Vec<usize>, Vec<DAffine3>), IoError> {
         let pointer = format!("/skins/{s}");
         let skin = &self.glb.list("skins")[s];
-        let joints = skin["joints"].as_array().into_iter().flatten();
-        let joints: Vec<usize> = joints
-            .filter_map(|j| int(j).and_then(|i| self.joint_of[i]))
-            .collect();
+        let joints = skin["joints"].as_array().map_or(&[][..], Vec::as_slice);
+        if joints.len() > MAX_JOINTS {
+            return Err(self.glb.large(&pointer, "too many joints", MAX_JOINTS));
+        }
+        // A skin that a garment shares is none of those whose joints were numbered.
+        let number = |j: &Value| int(j).and_then(|i| *self.joint_of.get(i)?);
+        let joints: Option<Vec<usize>> = joints.iter().map(number).collect();
+        let joints =
+            joints.ok_or_else(|| self.glb.fault(&pointer, "a joint of no character's skin"))?;
         let back = match &skin["inverseBindMatrices"] {
             Value::Null => vec![DAffine3::IDENTITY; joints.len()],
             index => {
@@ -250,100 +296,95 @@ impl<'a> Reader<'a> {
         let value = &glb.list("nodes")[node];
         let pointer = format!("/nodes/{node}");
         let fault = |what: &str| glb.fault(&pointer, what);
-        let mesh = int(&value["mesh"]).and_then(|m| glb.list("meshes").get(m));
-        let mesh = mesh.ok_or_else(|| fault("no such mesh"))?;
+        let index = int(&value["mesh"]).filter(|m| *m < glb.list("meshes").len());
+        let index = index.ok_or_else(|| fault("no such mesh"))?;
         let s = int(&value["skin"]).filter(|s| *s < glb.list("skins").len());
         let (joints, back) = self.skin(s.ok_or_else(|| fault("no such skin"))?)?;
-        // To where the first skin has bound the joints; as a rule the same for all.
-        let place: Vec<DAffine3> = joints
-            .iter()
-            .zip(&back)
-            .map(|(j, b)| self.character.bound[*j] * *b)
-            .collect();
-        for (k, part) in mesh["primitives"]
-            .as_array()
-            .into_iter()
-            .flatten()
-            .enumerate()
-        {
+        if joints.is_empty() {
+            return Err(fault("its skin has no joints"));
+        }
+        let place = |(j, b): (&usize, &DAffine3)| self.character.bound[*j] * *b;
+        let bones = Bones {
+            places: joints.iter().zip(&back).map(place).collect(),
+            joints,
+            back,
+        };
+        let parts = glb.list("meshes")[index]["primitives"].as_array();
+        for (k, part) in parts.into_iter().flatten().enumerate() {
             if int(&part["mode"]).unwrap_or(4) != 4 {
                 continue;
             }
-            let attributes = &part["attributes"];
-            let verts = glb.numbers(&attributes["POSITION"])?;
-            let verts: Vec<DVec3> = match verts.width {
-                3 => verts
-                    .flat
-                    .as_chunks::<3>()
-                    .0
-                    .iter()
-                    .map(|c| DVec3::from_array(*c))
-                    .collect(),
-                _ => return Err(fault("positions that are not in space")),
-            };
-            let first = self.character.verts.len();
-            if first + verts.len() > MAX_VERTS {
-                return Err(fault("more than two million vertices"));
-            }
-            let mut rows = vec![Vec::new(); verts.len()];
-            for set in 0..4 {
-                let (bones, shares) = (
-                    &attributes[format!("JOINTS_{set}")],
-                    &attributes[format!("WEIGHTS_{set}")],
-                );
-                if bones.is_null() || shares.is_null() {
-                    break;
-                }
-                let (bones, shares) = (glb.numbers(bones)?.flat, glb.numbers(shares)?.flat);
-                if bones.len() != 4 * verts.len() || shares.len() != bones.len() {
-                    return Err(fault("weights that are not its vertices'"));
-                }
-                for (k, (b, w)) in bones.iter().zip(&shares).enumerate() {
-                    if *w > 0.0 {
-                        rows[k / 4].push((*b as usize, *w));
-                    }
-                }
-            }
-            for (v, row) in verts.iter().zip(&rows) {
-                let total: f64 = row.iter().map(|w| w.1).sum();
-                if !v.is_finite() || !total.is_finite() || row.iter().any(|w| w.0 >= joints.len()) {
-                    return Err(fault(
-                        "a vertex that is not a number, or that follows no joint",
-                    ));
-                }
-                // Some exporters leave sums off one; a vertex without weights follows the first joint.
-                let row: Vec<(usize, f64)> = match total > 0.0 {
-                    true => row.iter().map(|w| (w.0, w.1 / total)).collect(),
-                    false => vec![(0, 1.0)],
-                };
-                let at: DVec3 = row
-                    .iter()
-                    .map(|w| place[w.0].transform_point3(*v) * w.1)
-                    .sum();
-                self.character.verts.push(at);
-                self.character
-                    .weights
-                    .push(row.iter().map(|w| (joints[w.0] as u32, w.1)));
-            }
+            glb.take(&pointer, 16 * bones.joints.len())?;
+            let verts = self.verts(&pointer, &part["attributes"], &bones)?;
+            self.faces(&pointer, &part["indices"], &verts)?;
+            let back = bones.back.iter().copied();
             self.pieces.push(Piece {
                 node,
-                mesh: int(&value["mesh"]).unwrap_or(0),
+                mesh: index,
                 part: k,
-                verts: first..first + verts.len(),
-                back: joints.iter().copied().zip(back.iter().copied()).collect(),
+                verts,
+                back: bones.joints.iter().copied().zip(back).collect(),
             });
-            let corners: Vec<u32> = match &part["indices"] {
-                Value::Null => (0..verts.len() as u32).collect(),
-                index => glb.numbers(index)?.flat.iter().map(|c| *c as u32).collect(),
-            };
-            if corners.iter().any(|c| *c as usize >= verts.len()) {
-                return Err(fault("a triangle has a corner that is no vertex"));
-            }
-            let faces = corners.as_chunks::<3>().0.iter();
-            self.character
-                .faces
-                .extend(faces.map(|f| f.map(|c| c + first as u32)));
         }
+        Ok(())
+    }
+
+    /// Takes the vertices of a primitive and what they follow; which of the character's they are.
+    fn verts(
+        &mut self,
+        pointer: &str,
+        attributes: &Value,
+        bones: &Bones,
+    ) -> Result<Range<usize>, IoError> {
+        let (glb, first) = (self.glb, self.character.verts.len());
+        if glb.count(&attributes["POSITION"]) > MAX_VERTS - first {
+            return Err(glb.large(pointer, "more than two million vertices", MAX_VERTS));
+        }
+        let verts = glb.points(pointer, &attributes["POSITION"])?;
+        let rows = rows(glb, (pointer, attributes), verts.len())?;
+        for (v, row) in verts.iter().zip(&rows) {
+            let total: f64 = row.iter().map(|w| w.1).sum();
+            let is_strange = row.iter().any(|w| w.0 >= bones.joints.len());
+            if !v.is_finite() || !total.is_finite() || is_strange {
+                let what = "a vertex that is not a number, or that follows no joint";
+                return Err(glb.fault(pointer, what));
+            }
+            // Some exporters leave sums off one; a vertex without weights follows the first joint.
+            let row: Vec<(usize, f64)> = match total > 0.0 {
+                true => row.iter().map(|w| (w.0, w.1 / total)).collect(),
+                false => vec![(0, 1.0)],
+            };
+            let at = |w: &(usize, f64)| bones.places[w.0].transform_point3(*v) * w.1;
+            self.character.verts.push(row.iter().map(at).sum());
+            let row = row.iter().map(|w| (bones.joints[w.0] as u32, w.1));
+            self.character.weights.push(row);
+        }
+        Ok(first..first + verts.len())
+    }
+
+    /// Takes the triangles between some vertices.
+    fn faces(
+        &mut self,
+        pointer: &str,
+        indices: &Value,
+        verts: &Range<usize>,
+    ) -> Result<(), IoError> {
+        let corners: Vec<u32> = match indices {
+            Value::Null => (0..verts.len() as u32).collect(),
+            index => {
+                let flat = self.glb.numbers(index)?.flat;
+                flat.iter().map(|c| *c as u32).collect()
+            }
+        };
+        if corners.iter().any(|c| *c as usize >= verts.len()) {
+            let what = "a triangle has a corner that is no vertex";
+            return Err(self.glb.fault(pointer, what));
+        }
+        let faces = corners.as_chunks::<3>().0.iter();
+        let first = verts.start as u32;
+        self.character
+            .faces
+            .extend(faces.map(|f| f.map(|c| c + first)));
         Ok(())
     }
 
@@ -353,4 +394,32 @@ impl<'a> Reader<'a> {
         }
         Ok((self.character, self.nodes, self.pieces))
     }
+}
+
+/// What each of `n` vertices follows, by the numbers of its skin, and how much; up to sixteen joints each.
+fn rows(
+    glb: &Glb,
+    (pointer, attributes): (&str, &Value),
+    n: usize,
+) -> Result<Vec<Vec<(usize, f64)>>, IoError> {
+    let mut rows = vec![Vec::new(); n];
+    for set in 0..4 {
+        let (bones, shares) = (
+            &attributes[format!("JOINTS_{set}")],
+            &attributes[format!("WEIGHTS_{set}")],
+        );
+        if bones.is_null() || shares.is_null() {
+            break;
+        }
+        let (bones, shares) = (glb.numbers(bones)?.flat, glb.numbers(shares)?.flat);
+        if bones.len() != 4 * n || shares.len() != bones.len() {
+            return Err(glb.fault(pointer, "weights that are not its vertices'"));
+        }
+        for (k, (b, w)) in bones.iter().zip(&shares).enumerate() {
+            if *w > 0.0 {
+                rows[k / 4].push((*b as usize, *w));
+            }
+        }
+    }
+    Ok(rows)
 }

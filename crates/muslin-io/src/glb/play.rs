@@ -1,9 +1,10 @@
 //! Moving GLB back in: what a viewer would show at each key of the animation.
 //!
-//! The first animation is played at the keys of its longest track. The node called `body` is the
-//! body; every other mesh is a garment.
+//! The first animation is played at the keys of its longest track; of several as long, of the one
+//! that ends last. The node called `body` is the body; every other mesh is a garment.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
+use std::iter::successors;
 
 use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3, DVec4};
 use muslin_body::blended;
@@ -16,6 +17,10 @@ use crate::error::IoError;
 
 /// More positions in all frames together are refused.
 const MAX_POINTS: usize = 1 << 28;
+/// More joints are refused.
+pub(super) const MAX_JOINTS: usize = 4096;
+/// Nodes below more others are refused.
+const MAX_DEPTH: usize = 1024;
 
 /// The animation of a `.glb`; `name` is what errors call it. A still has one frame.
 pub fn read_moving(name: &str, bytes: &[u8]) -> Result<Clip, IoError> {
@@ -30,14 +35,19 @@ pub fn read_moving(name: &str, bytes: &[u8]) -> Result<Clip, IoError> {
         let below = stage.parents.iter_mut().filter(|p| **p == Some(wrapper));
         below.for_each(|p| *p = None);
     }
+    let mut points = 0usize;
     for (i, node) in glb.list("nodes").iter().enumerate() {
         if node["mesh"].is_null() || i < own {
             continue;
         }
         let actor = Actor::new(&glb, i)?;
-        let points = actor.places.len().saturating_mul(stage.times.len());
+        for node in actor.joints.iter().chain([&i]) {
+            stage.check_depth(&glb, *node)?;
+        }
+        points = points.saturating_add(actor.places.len().saturating_mul(stage.times.len()));
         if points > MAX_POINTS {
-            return Err(glb.fault(&format!("/nodes/{i}"), "too many positions in all frames"));
+            let what = "too many positions in all frames";
+            return Err(glb.large(&format!("/nodes/{i}"), what, MAX_POINTS));
         }
         let frames = stage.play(&actor);
         match node["name"].as_str() {
@@ -173,7 +183,7 @@ impl Track {
 pub(super) struct Stage<'a> {
     nodes: &'a [Value],
     pub(super) parents: Vec<Option<usize>>,
-    tracks: HashMap<(usize, String), Track>,
+    tracks: BTreeMap<(usize, String), Track>,
     times: Vec<f64>,
 }
 
@@ -193,7 +203,7 @@ impl<'a> Stage<'a> {
         Ok(Self {
             nodes,
             parents,
-            tracks: HashMap::new(),
+            tracks: BTreeMap::new(),
             times: vec![0.0],
         })
     }
@@ -207,7 +217,12 @@ impl<'a> Stage<'a> {
             }
         }
         let keys = stage.tracks.values().map(|t| &t.times);
-        if let Some(longest) = keys.max_by_key(|t| t.len()) {
+        let end = |t: &[f64]| t.last().copied().unwrap_or(0.0);
+        let longest = keys.max_by(|a, b| {
+            let by_end = end(a).total_cmp(&end(b));
+            a.len().cmp(&b.len()).then(by_end)
+        });
+        if let Some(longest) = longest {
             stage.times = longest.clone();
         }
         Ok(stage)
@@ -304,16 +319,31 @@ impl<'a> Stage<'a> {
         DAffine3::from_scale_rotation_translation(scale, turn, place)
     }
 
-    /// `world_from_node`; a tree that loops is cut.
-    pub(super) fn world(&self, node: usize, time: f64) -> DAffine3 {
-        let (mut at, mut world) = (node, self.local(node, time));
-        for _ in 0..256 {
-            let Some(parent) = self.parents[at] else {
-                break;
-            };
-            (at, world) = (parent, self.local(parent, time) * world);
+    /// The nodes above one, the nearest first.
+    pub(super) fn above(&self, node: usize) -> impl Iterator<Item = usize> {
+        successors(self.parents[node], |p| self.parents[*p])
+    }
+
+    /// Refuses a node that hangs too deep, or from itself.
+    pub(super) fn check_depth(&self, glb: &Glb, node: usize) -> Result<(), IoError> {
+        if self.above(node).nth(MAX_DEPTH).is_none() {
+            return Ok(());
         }
-        world
+        match self.above(node).nth(self.parents.len()) {
+            Some(_) => Err(glb.fault("/nodes", "nodes that are their own ancestors")),
+            None => {
+                let what = "a node below too many others";
+                Err(glb.large(&format!("/nodes/{node}"), what, MAX_DEPTH))
+            }
+        }
+    }
+
+    /// `world_from_node` of a node whose depth was checked.
+    pub(super) fn world(&self, node: usize, time: f64) -> DAffine3 {
+        let above = self.above(node).take(MAX_DEPTH);
+        above.fold(self.local(node, time), |world, parent| {
+            self.local(parent, time) * world
+        })
     }
 
     /// The actor's vertices at every key [m].
@@ -351,6 +381,7 @@ struct Actor {
     node: usize,
     faces: Vec<[u32; 3]>,
     places: Vec<DVec3>,
+    /// Empty where one moves nothing.
     targets: Vec<Vec<DVec3>>,
     weights: Vec<f64>,
     joints: Vec<usize>,
@@ -369,21 +400,13 @@ impl Actor {
         let [part] = parts else {
             return Err(fault("a mesh of several primitives; join them"));
         };
-        let vectors = |index: &Value| {
-            let numbers = glb.numbers(index)?;
-            match numbers.width {
-                3 => Ok(numbers
-                    .flat
-                    .as_chunks::<3>()
-                    .0
-                    .iter()
-                    .map(|c| DVec3::from_array(*c))
-                    .collect::<Vec<_>>()),
-                _ => Err(fault("positions that are not in space")),
-            }
-        };
         let attributes = &part["attributes"];
-        let all = vectors(&attributes["POSITION"])?;
+        let targets = part["targets"].as_array().map_or(&[][..], Vec::as_slice);
+        let asked = targets.iter().chain([attributes]);
+        let asked = asked.map(|a| glb.count(&a["POSITION"]));
+        let asked = asked.fold(0, usize::saturating_add);
+        glb.has_room(&pointer, asked.saturating_mul(3))?;
+        let all = glb.points(&pointer, &attributes["POSITION"])?;
         let source: Vec<usize> = match &attributes["_SOURCE"] {
             Value::Null => (0..all.len()).collect(),
             index => glb
@@ -404,14 +427,12 @@ impl Actor {
         let corner = |&i: &f64| place.get(i as usize).copied();
         let corners: Option<Vec<u32>> = corners.iter().map(corner).collect();
         let corners = corners.ok_or_else(|| fault("a triangle has a corner that is no vertex"))?;
-        let mut targets = Vec::new();
-        for target in part["targets"].as_array().into_iter().flatten() {
-            let moves = match &target["POSITION"] {
-                Value::Null => vec![DVec3::ZERO; all.len()],
-                index => vectors(index)?,
-            };
-            targets.push(pick(moves).ok_or_else(|| fault("a morph target that is too short"))?);
-        }
+        let moves = |target: &Value| match &target["POSITION"] {
+            Value::Null => Ok(Vec::new()),
+            index => pick(glb.points(&pointer, index)?)
+                .ok_or_else(|| fault("a morph target that is too short")),
+        };
+        let targets: Vec<Vec<DVec3>> = targets.iter().map(moves).collect::<Result<_, _>>()?;
         let weights = mesh["weights"]
             .as_array()
             .map_or(vec![0.0; targets.len()], |w| {
@@ -445,6 +466,9 @@ impl Actor {
             .and_then(|s| glb.list("skins").get(s))
             .ok_or_else(fault)?;
         let joints = skin["joints"].as_array().ok_or_else(fault)?;
+        if joints.len() > MAX_JOINTS {
+            return Err(glb.large("/skins", "too many joints", MAX_JOINTS));
+        }
         let n_nodes = glb.list("nodes").len();
         let joint = |j: &Value| int(j).filter(|&j| j < n_nodes);
         let joints: Option<Vec<usize>> = joints.iter().map(joint).collect();

@@ -2,9 +2,12 @@
 //!
 //! <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>
 
+use std::borrow::Cow;
+
 use half::f16;
 
 use super::{Array, Values};
+use crate::zip::Bad;
 
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 
@@ -15,8 +18,8 @@ struct Header<'a> {
     shape: Vec<usize>,
 }
 
-/// Reads an array from the bytes of a `.npy` file.
-pub fn read(bytes: &[u8]) -> Result<Array, String> {
+/// Reads an array from the bytes of a `.npy` file; takes what it needs from `memory` [bytes].
+pub fn read(bytes: &[u8], memory: &mut usize) -> Result<Array, Bad> {
     if bytes.get(..6) != Some(MAGIC) {
         return Err("not a NumPy array".into());
     }
@@ -35,7 +38,13 @@ pub fn read(bytes: &[u8]) -> Result<Array, String> {
         .iter()
         .try_fold(1usize, |n, &k| n.checked_mul(k));
     let n = n.ok_or("absurdly large")?;
-    let mut values = values(header.descr, &bytes[start + length..], n)?;
+    let kind = Kind::of(header.descr)?;
+    let data = kind.data(&bytes[start + length..], n)?;
+    let left = n
+        .checked_mul(kind.memory())
+        .and_then(|need| memory.checked_sub(need));
+    *memory = left.ok_or_else(|| Bad::Large("too much data in the archive", "8 GiB".into()))?;
+    let mut values = kind.values(&data, n)?;
     if header.fortran && header.shape.len() > 1 {
         values = match values {
             Values::F32(v) => Values::F32(turned(&v, &header.shape)),
@@ -88,49 +97,90 @@ fn header(text: &str) -> Result<Header<'_>, String> {
     })
 }
 
-/// `n` values of a type such as `<f4`.
-fn values(descr: &str, data: &[u8], n: usize) -> Result<Values, String> {
-    let (order, kind) = descr.split_at_checked(1).ok_or("its type is empty")?;
-    let (letter, size) = kind.split_at_checked(1).ok_or("its type is empty")?;
-    if letter == "O" {
-        return Err("it holds pickled objects, which could run anything and are never read".into());
+/// A type of values such as `<f4`.
+struct Kind<'a> {
+    descr: &'a str,
+    letter: &'a str,
+    /// The number behind the letter: bytes, or characters of text.
+    size: usize,
+    /// Bytes of a value in the file.
+    wide: usize,
+}
+
+impl<'a> Kind<'a> {
+    fn of(descr: &'a str) -> Result<Self, String> {
+        let (_, kind) = descr.split_at_checked(1).ok_or("its type is empty")?;
+        let (letter, size) = kind.split_at_checked(1).ok_or("its type is empty")?;
+        if letter == "O" {
+            return Err(
+                "it holds pickled objects, which could run anything and are never read".into(),
+            );
+        }
+        let unknown = || format!("type {descr:?} is not known");
+        let size: usize = size.parse().map_err(|_| unknown())?;
+        if size == 0 {
+            return Err(format!("values of type {descr:?} have no bytes"));
+        }
+        let unit = if letter == "U" { 4 } else { 1 };
+        Ok(Self {
+            descr,
+            letter,
+            size,
+            wide: size.checked_mul(unit).ok_or("absurdly large")?,
+        })
     }
-    let size: usize = size
-        .parse()
-        .map_err(|_| format!("type {descr:?} is not known"))?;
-    let wide = if letter == "U" { 4 * size } else { size };
-    let want = n.checked_mul(wide).ok_or("absurdly large")?;
-    let data = data.get(..want).ok_or(format!(
-        "{want} bytes of values expected, {} found",
-        data.len()
-    ))?;
-    let mut data = data.to_vec();
-    let unit = if letter == "U" { 4 } else { size };
-    if order == ">" && unit > 1 {
+
+    /// The bytes of `n` values, the lowest of each first.
+    fn data<'b>(&self, data: &'b [u8], n: usize) -> Result<Cow<'b, [u8]>, String> {
+        let want = n.checked_mul(self.wide).ok_or("absurdly large")?;
+        let data = data.get(..want).ok_or(format!(
+            "{want} bytes of values expected, {} found",
+            data.len()
+        ))?;
+        let unit = if self.letter == "U" { 4 } else { self.size };
+        if !self.descr.starts_with('>') || unit == 1 {
+            return Ok(data.into());
+        }
+        let mut data = data.to_vec();
         data.chunks_exact_mut(unit).for_each(<[u8]>::reverse);
+        Ok(data.into())
     }
-    Ok(match (letter, size) {
-        ("f", 2) => Values::F32(each(&data, |b| f16::from_le_bytes(b).to_f32())),
-        ("f", 4) => Values::F32(each(&data, f32::from_le_bytes)),
-        ("f", 8) => Values::F64(each(&data, f64::from_le_bytes)),
-        ("i", 1) => Values::Int(each(&data, |b| i8::from_le_bytes(b).into())),
-        ("i", 2) => Values::Int(each(&data, |b| i16::from_le_bytes(b).into())),
-        ("i", 4) => Values::Int(each(&data, |b| i32::from_le_bytes(b).into())),
-        ("i", 8) => Values::Int(each(&data, i64::from_le_bytes)),
-        ("u" | "b", 1) => Values::Int(each(&data, |b| u8::from_le_bytes(b).into())),
-        ("u", 2) => Values::Int(each(&data, |b| u16::from_le_bytes(b).into())),
-        ("u", 4) => Values::Int(each(&data, |b| u32::from_le_bytes(b).into())),
-        ("u", 8) => Values::Int(each(&data, |b| {
-            u64::from_le_bytes(b).min(i64::MAX as u64) as i64
-        })),
-        ("U", _) => Values::Text(words(&data, wide, n)),
-        ("S", _) => Values::Text(
-            (0..n)
-                .map(|i| ascii(&data[i * size..(i + 1) * size]))
-                .collect(),
-        ),
-        _ => return Err(format!("type {descr:?} is not known")),
-    })
+
+    /// What a value needs in memory [bytes].
+    fn memory(&self) -> usize {
+        match self.letter {
+            "f" => self.size.max(4),
+            "U" | "S" => self
+                .size
+                .saturating_mul(4)
+                .saturating_add(size_of::<String>()),
+            _ => 8,
+        }
+    }
+
+    fn values(&self, data: &[u8], n: usize) -> Result<Values, String> {
+        Ok(match (self.letter, self.size) {
+            ("f", 2) => Values::F32(each(data, |b| f16::from_le_bytes(b).to_f32())),
+            ("f", 4) => Values::F32(each(data, f32::from_le_bytes)),
+            ("f", 8) => Values::F64(each(data, f64::from_le_bytes)),
+            ("i", 1) => Values::Int(each(data, |b| i8::from_le_bytes(b).into())),
+            ("i", 2) => Values::Int(each(data, |b| i16::from_le_bytes(b).into())),
+            ("i", 4) => Values::Int(each(data, |b| i32::from_le_bytes(b).into())),
+            ("i", 8) => Values::Int(each(data, i64::from_le_bytes)),
+            ("u" | "b", 1) => Values::Int(each(data, |b| u8::from_le_bytes(b).into())),
+            ("u", 2) => Values::Int(each(data, |b| u16::from_le_bytes(b).into())),
+            ("u", 4) => Values::Int(each(data, |b| u32::from_le_bytes(b).into())),
+            ("u", 8) => Values::Int(each(data, |b| {
+                u64::from_le_bytes(b).min(i64::MAX as u64) as i64
+            })),
+            ("U", _) => Values::Text(words(data, self.wide, n)),
+            ("S", size) => {
+                let word = |i: usize| ascii(&data[i * size..(i + 1) * size]);
+                Values::Text((0..n).map(word).collect())
+            }
+            _ => return Err(format!("type {:?} is not known", self.descr)),
+        })
+    }
 }
 
 fn each<const N: usize, T>(data: &[u8], value: impl Fn([u8; N]) -> T) -> Vec<T> {

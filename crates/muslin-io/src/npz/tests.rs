@@ -89,6 +89,59 @@ fn a_member_that_lies_about_its_size_costs_no_memory() {
     assert!(read("a.npz", &bytes).is_err());
 }
 
+/// A `.npy` file of such a type and shape.
+fn npy(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+    let text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({shape},), }}\n");
+    let length = (text.len() as u16).to_le_bytes();
+    [b"\x93NUMPY\x01\0", &length[..], text.as_bytes(), data].concat()
+}
+
+#[test]
+fn words_without_letters_and_words_beyond_all_numbers_cost_no_memory() {
+    for (descr, shape) in [
+        ("|S0", "10000000000000"),
+        ("<U0", "4611686018427387904"),
+        ("<f0", "3"),
+        ("<U9223372036854775807", "1"),
+        ("|S9223372036854775807", "3"),
+    ] {
+        let mut zip = zip::Writer::default();
+        zip.add("x.npy", &npy(descr, shape, &[])).expect("small");
+        let fault = read("a.npz", &zip.finish()).expect_err(descr);
+        assert_eq!(fault.exit_code(), 3, "{fault}");
+    }
+}
+
+#[test]
+fn what_arrays_need_in_memory_is_limited_not_what_they_are_in_the_file() {
+    for (descr, data, need) in [
+        ("|i1", vec![0; 6], 48),
+        ("|b1", vec![1; 6], 48),
+        ("<f2", vec![0; 12], 24),
+        ("<f8", vec![0; 48], 48),
+        ("|S1", vec![b'a'; 6], 6 * (4 + size_of::<String>())),
+        ("<U1", vec![0; 24], 6 * (4 + size_of::<String>())),
+    ] {
+        let bytes = npy(descr, "6", &data);
+        let mut memory = need;
+        assert!(npy::read(&bytes, &mut memory).is_ok(), "{descr}");
+        assert_eq!(memory, 0, "{descr}");
+        let short = npy::read(&bytes, &mut (need - 1)).expect_err(descr);
+        let fault = short.told(|what| Fault::new("npz-large", "a.npz", what));
+        assert_eq!(fault.exit_code(), 4, "{fault}");
+    }
+}
+
+#[test]
+fn an_archive_of_too_many_members_is_refused() {
+    let mut bytes = write(&[("x", Array::number(1.0))]).expect("finite");
+    let end = bytes.len() - 22;
+    bytes[end + 10..end + 12].copy_from_slice(&4097u16.to_le_bytes());
+    let fault = read("a.npz", &bytes).expect_err("4097 members");
+    assert_eq!((fault.code(), fault.exit_code()), ("npz-large", 4));
+    assert!(fault.to_string().contains("allowed 4096"), "{fault}");
+}
+
 #[test]
 fn hostile_archives_are_errors() {
     let Some(data) = std::env::var_os("MUSLIN_DATA").map(PathBuf::from) else {
