@@ -6,6 +6,7 @@
 //! `world_from_joint = M B⁻¹ bound`, with `M` our bones in the pose and `B` the same bones in the
 //! stance that the character was bound in; our skin as well, so that one lies on the other in any pose.
 
+mod covering;
 mod follower;
 mod joints;
 mod likes;
@@ -17,12 +18,16 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 use crate::pose::blended;
 use crate::{Avatar, BodyError, Character, Pose, Shape};
+use covering::Covering;
 pub use follower::Follower;
 pub(crate) use joints::Joints;
 use maker::Maker;
 
 /// The size that is left of a joint that is shrunk to nothing.
 const HIDDEN: f64 = 1e-3;
+
+/// A place on a skin: the corners of a triangle, and their shares.
+type Place = ([u32; 3], [f64; 3]);
 
 /// A character that can wear what our body can.
 #[derive(Clone, Debug)]
@@ -37,7 +42,9 @@ pub struct Twin {
     /// Share of our skin, as far as it is drawn over the character's, that finds none near.
     pub unmet: f64,
     /// The place of our skin that each of the character's vertices goes with where flesh gives way.
-    on_skin: Vec<Option<([u32; 3], [f64; 3])>>,
+    on_skin: Vec<Option<Place>>,
+    /// Where our skin lies on the character's.
+    covering: Covering,
     bound: Vec<DAffine3>,
     joints: Vec<DAffine3>,
     /// The joint that turns each of our bones, if one.
@@ -110,6 +117,13 @@ impl Twin {
             .zip(self.yielded(yielded))
             .map(|(p, by)| p + by)
             .collect()
+    }
+
+    /// Our `skin` in a pose [m], raised by up to 2 cm to where the character's own comes out of it, whose joints are at
+    /// `joints` ([`Twin::joints`]).
+    pub fn cover(&self, character: &Character, joints: &[DAffine3], skin: &mut [DVec3]) {
+        self.covering
+            .over(skin, &self.posed(character, joints, &[]));
     }
 
     /// How far each of the character's vertices goes with our skin [m] where that gives way.

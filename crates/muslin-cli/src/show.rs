@@ -72,7 +72,11 @@ fn watched(
     telling: &Telling,
     job: impl FnOnce(&mut Watch) -> Result<Outcome, Failure>,
 ) -> Result<(), Failure> {
-    let outcome = shown(telling.quiet, job)?;
+    let outcome = shown(telling.quiet, job);
+    if let (Err(failure), true) = (&outcome, telling.json) {
+        print(&failure.json())?;
+    }
+    let outcome = outcome?;
     print(if telling.json {
         &outcome.json
     } else {

@@ -243,14 +243,19 @@ impl Garment {
         x
     }
 
+    /// How many times as long cloth is whose faces have these shapes [m] as its own pattern.
+    pub fn larger(&self, faces: &[[DVec2; 3]]) -> f64 {
+        let total = |faces: &[[DVec2; 3]]| faces.iter().map(|f| area(f).abs()).sum::<f64>();
+        (total(faces) / total(&self.uv)).sqrt()
+    }
+
     /// Each face's own shape at `x`, turned so that the grain is upright. Where a full body leaves it no
     /// room, as in an armpit, the cloth is cut all the same.
     fn rest(&self, x: &[DVec3]) -> Vec<[DVec2; 3]> {
         let flat: Vec<[DVec2; 3]> = (self.faces.iter())
             .map(|f| lay_flat(f.map(|i| x[i as usize])))
             .collect();
-        let total = |faces: &[[DVec2; 3]]| faces.iter().map(|f| area(f).abs()).sum::<f64>();
-        let scale = (total(&flat) / total(&self.uv)).sqrt();
+        let scale = self.larger(&flat);
         let turned = |((flat, uv), snug): ((&[DVec2; 3], &[DVec2; 3]), &f64)| {
             let r = turn(flat, uv);
             roomy(flat.map(|p| r.rotate(p)), &uv.map(|p| p * scale)).map(|p| p * *snug)

@@ -218,7 +218,7 @@ fn settle(
         freely: options.freely && !any(Garment::hangs_from_the_waist),
         ..options
     };
-    let go_on = watch.may_go_on();
+    let go_on = watch.stepping("the cloth finds its place");
     let settled = drape_along(&cloth, (start, along), body, (&options, &go_on));
     // Where it stopped because it was asked to, that is the answer.
     watch.go_on()?;
@@ -338,7 +338,7 @@ fn finish(outfit: &Outfit, cloth: &Cloth, settled: Settled) -> Dressed {
         settled: settled.clone(),
     };
     drape.frames.push(settled.verts);
-    let uv = outfit.uv();
+    let uv = outfit.uv(&cloth.rest);
     Dressed {
         drape,
         uv,

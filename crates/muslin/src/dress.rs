@@ -396,6 +396,8 @@ impl<'a, 'w> Job<'a, 'w> {
         };
         self.report
             .set("drape", tell::drape(&outfit, &dressed, model.sitter.turned));
+        self.report
+            .set("garments", tell::garments(&outfit, &dressed.uv));
         self.done(4, "drape", tell::quality(&dressed.quality))?;
         if let Some(fault) = dressed.quality.fault(self.options.allow_crossings) {
             return Err(fault);

@@ -142,6 +142,9 @@ pub fn evaluate_file(
     }
     let read = |p: &Path| read_clip(p).map_err(|e| file_failure(&e));
     let clip = read(path)?;
+    if clip.body.is_empty() {
+        watch.warn("the file has no body that cloth lies on: how they meet is not measured");
+    }
     let still = options.still.as_deref().map(read).transpose()?;
     let still = still.map(|s| Still::of(&clip, s)).transpose()?;
     let still = still.as_ref();

@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use muslin_io::plain;
+use muslin_geom::Report;
+use muslin_io::{plain, report_json};
 
 /// The class of a failure; its number is the exit code of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,6 +62,19 @@ impl Failure {
         matches!(self.exit, Exit::Interrupted | Exit::Terminated)
     }
 
+    /// The same for programs: an object called `error`.
+    pub fn json(&self) -> String {
+        let mut told = Report::default();
+        told.set("code", self.code)
+            .set("exit", self.exit as usize)
+            .set("place", self.place.as_str())
+            .set("what", self.what.as_str())
+            .set("hint", self.hint.as_str());
+        let mut whole = Report::default();
+        whole.set("error", told);
+        report_json(&whole)
+    }
+
     /// Names the file, argument or place.
     pub fn at(mut self, place: impl Into<String>) -> Self {
         self.place = place.into();
@@ -101,5 +115,7 @@ mod tests {
             .hint("show the whole body");
         let text = "error[nobody-found]: a\\u{1b}b.jpg: no person in the picture\nhint: show the whole body";
         assert_eq!(f.to_string(), text);
+        let json = f.json();
+        assert!(json.contains("\"exit\": 3") && json.contains("\"code\": \"nobody-found\""));
     }
 }

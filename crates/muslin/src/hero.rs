@@ -119,6 +119,12 @@ impl Hero {
                 self.character.height() * 100.0
             ));
         }
+        if !self.file.wears.is_empty() {
+            all.push(format!(
+                "it wears {} already, which stay as they are; dress the file that these were made for",
+                self.file.wears.join(", ")
+            ));
+        }
         if self.twin.uncovered > UNCOVERED {
             all.push(format!(
                 "{:.1} % of its vertices stick out of the skin that cloth lies on (hair, armour, clothes?): cloth may pass through them",

@@ -307,10 +307,16 @@ impl Outfit {
         self.pieces.iter().zip(self.names()).map(part).collect()
     }
 
-    /// Pattern coordinates of every face's corners [m], x weft, y warp.
-    pub fn uv(&self) -> Vec<[DVec2; 3]> {
-        let all = self.pieces.iter().flat_map(|p| p.garment.uv.iter());
-        all.copied().collect()
+    /// Pattern coordinates of every face's corners [m], x weft, y warp, of pieces as large as they are cut for who wears
+    /// them: every face's shape there is in `rest` [m].
+    pub fn uv(&self, rest: &[[DVec2; 3]]) -> Vec<[DVec2; 3]> {
+        let mut all = Vec::with_capacity(rest.len());
+        for garment in self.pieces.iter().map(|p| &p.garment) {
+            let cut = &rest[all.len()..all.len() + garment.uv.len()];
+            let scale = garment.larger(cut);
+            all.extend(garment.uv.iter().map(|face| face.map(|p| p * scale)));
+        }
+        all
     }
 
     /// Whether every fabric has a strain limit, so that a stretch figure counts.

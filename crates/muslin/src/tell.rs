@@ -1,16 +1,19 @@
 //! What a job tells: one line a stage for people, named figures for the report.
 
+use std::collections::HashMap;
 use std::path::Path;
 
+use glam::DVec2;
 use muslin_body::{Measures, PHENOTYPES, Shape};
 use muslin_fit::detect::Person;
 use muslin_fit::solve::Fit;
+use muslin_garment::{Garment, Opening, Side};
 use muslin_geom::{Report, Value};
 use muslin_io::Photo;
 
 use crate::drape::{Dressed, Quality};
 use crate::options::DressOptions;
-use crate::outfit::Outfit;
+use crate::outfit::{Outfit, Piece};
 use crate::size::Size;
 use crate::table::Table;
 
@@ -72,6 +75,8 @@ pub fn body(shape: &Shape, m: &Measures) -> Report {
         ("waist", m.waist),
         ("hip", m.hip),
         ("inseam", m.inseam),
+        ("arm", m.arm),
+        ("shoulders", m.shoulders),
     ] {
         r.set(&format!("{name}_cm"), to(1, metres * 100.0));
     }
@@ -139,7 +144,7 @@ pub fn fitted(fit: &Fit, m: &Measures) -> String {
 
 /// The outfit's part of the report.
 pub fn outfit(outfit: &Outfit) -> Vec<Value> {
-    let one = |p: &crate::outfit::Piece| {
+    let one = |p: &Piece| {
         let mut r = Report::default();
         r.set("garment", p.garment.name.as_str())
             .set("fabric", p.fabric.name.as_str());
@@ -155,6 +160,53 @@ pub fn outfit(outfit: &Outfit) -> Vec<Value> {
     outfit.pieces.iter().map(one).collect()
 }
 
+/// What the garments measure; `uv`: as [`Outfit::uv`] gives it.
+pub fn garments(outfit: &Outfit, uv: &[[DVec2; 3]]) -> Report {
+    let mut r = Report::default();
+    for (piece, part) in outfit.pieces.iter().zip(outfit.parts()) {
+        r.set(&part.name, garment(&piece.garment, &uv[part.faces]));
+    }
+    r
+}
+
+/// What a garment measures as it lies flat: around its openings, and from top to bottom of its front.
+fn garment(garment: &Garment, uv: &[[DVec2; 3]]) -> Report {
+    let edges = |(face, at): (&[u32; 3], &[DVec2; 3])| {
+        let (face, at) = (*face, *at);
+        (0..3).map(move |k| {
+            let n = (k + 1) % 3;
+            let (a, b) = (face[k].min(face[n]), face[k].max(face[n]));
+            ((a, b), at[k].distance(at[n]))
+        })
+    };
+    let long: HashMap<(u32, u32), f64> = garment.faces.iter().zip(uv).flat_map(edges).collect();
+    let mut r = Report::default();
+    for rim in &garment.rims {
+        let next = rim.verts.iter().cycle().skip(1);
+        let steps = rim.verts.iter().zip(next);
+        let around: f64 = steps
+            .filter_map(|(a, b)| long.get(&(*a.min(b), *a.max(b))))
+            .sum();
+        let name = match rim.opening {
+            Opening::Neck => "neck",
+            Opening::Waist => "waist",
+            Opening::Hem => "hem",
+            Opening::Cuff(Side::Left) => "cuff_left",
+            Opening::Cuff(Side::Right) => "cuff_right",
+            Opening::LegHem(Side::Left) => "leg_hem_left",
+            Opening::LegHem(Side::Right) => "leg_hem_right",
+        };
+        r.set(&format!("{name}_cm"), to(1, around * 100.0));
+    }
+    if garment.recipe.is_some() {
+        let front = garment.panel.iter().zip(uv).filter(|p| *p.0 == 0);
+        let ys = front.flat_map(|(_, at)| at.map(|p| p.y));
+        let (low, high) = ys.fold((f64::MAX, f64::MIN), |(l, h), y| (l.min(y), h.max(y)));
+        r.set("length_cm", to(1, (high - low) * 100.0));
+    }
+    r
+}
+
 /// The size's part of the report, where one was asked for.
 pub fn size(report: &mut Report, outfit: &Outfit) {
     if let Some(cut) = &outfit.cut_for {
@@ -164,7 +216,7 @@ pub fn size(report: &mut Report, outfit: &Outfit) {
 
 /// The line of the outfit stage.
 pub fn pieces(outfit: &Outfit) -> String {
-    let one = |p: &crate::outfit::Piece| {
+    let one = |p: &Piece| {
         let n = grouped(p.garment.n_verts());
         format!(
             "{}, {n} vertices, {:.0} g/m2",

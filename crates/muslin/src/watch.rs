@@ -23,13 +23,16 @@ pub struct Stage {
     pub seconds: f64,
 }
 
+/// Somebody who hears what is said.
+type Hears<'a> = Box<dyn FnMut(&str) + Send + 'a>;
+
 /// What a job may call while it works: tells of stages, asks whether to go on.
 ///
 /// What it tells is fit for a terminal: names that came in files are escaped where they would drive it.
 pub struct Watch<'a> {
     tell: Box<dyn FnMut(&Stage) + Send + 'a>,
-    warn: Box<dyn FnMut(&str) + Send + 'a>,
-    progress: Box<dyn FnMut(&str) + Send + 'a>,
+    warn: Hears<'a>,
+    progress: Mutex<Hears<'a>>,
     stop: Option<&'a AtomicUsize>,
     since: Instant,
 }
@@ -45,7 +48,7 @@ impl<'a> Watch<'a> {
         Self {
             tell: Box::new(tell),
             warn: Box::new(warn),
-            progress: Box::new(|_| {}),
+            progress: Mutex::new(Box::new(|_| {})),
             stop: None,
             since: Instant::now(),
         }
@@ -59,13 +62,14 @@ impl<'a> Watch<'a> {
 
     /// `progress` hears how far a long stage has come, many times a second.
     pub fn following(mut self, progress: impl FnMut(&str) + Send + 'a) -> Self {
-        self.progress = Box::new(progress);
+        self.progress = Mutex::new(Box::new(progress));
         self
     }
 
     /// Says how far the stage has come.
     pub fn progress(&mut self, text: &str) {
-        (self.progress)(&plain(text));
+        let follow = self.progress.get_mut();
+        follow.expect("nobody panics while telling")(&plain(text));
     }
 
     /// A watch that hears nothing, and stops when this one does.
@@ -91,7 +95,7 @@ impl<'a> Watch<'a> {
             });
         };
         let warn = move |w: &str| (lock().warn)(&format!("{name}: {w}"));
-        let progress = move |text: &str| (lock().progress)(&format!("{name}: {text}"));
+        let progress = move |text: &str| lock().progress(&format!("{name}: {text}"));
         Watch {
             stop: lock().stop,
             ..Watch::new(tell, warn).following(progress)
@@ -126,6 +130,18 @@ impl<'a> Watch<'a> {
     pub fn may_go_on(&self) -> impl Fn() -> bool + Sync + 'a {
         let stop = self.stop;
         move || stop.is_none_or(|f| f.load(Ordering::Relaxed) == 0)
+    }
+
+    /// The same for a long stage that asks at each of its steps: so many are told as `what` was done.
+    pub fn stepping<'s>(&'s self, what: &'s str) -> impl Fn() -> bool + Sync + 's {
+        let (may_go_on, steps) = (self.may_go_on(), AtomicUsize::new(0));
+        let follow = &self.progress;
+        move || {
+            let step = steps.fetch_add(1, Ordering::Relaxed) + 1;
+            let mut follow = follow.lock().expect("nobody panics while telling");
+            follow(&format!("{what}, step {step}"));
+            may_go_on()
+        }
     }
 
     /// An error once the user has asked to stop.

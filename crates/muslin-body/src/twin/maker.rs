@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::{DAffine3, DQuat, DVec3};
 use muslin_geom::{Mesh, Surface, intersecting_pairs, vertex_normals};
 
+use super::covering::Covering;
 use super::likes::{Likes, correspondences, standing};
 use super::warp::Warp;
 use super::wrap::{Cover, SIDES, Sides, Under, neighbours, pairs};
@@ -169,6 +170,9 @@ impl<'a> Maker<'a> {
             let hit = own.closest(*p, NEAR)?;
             Some((own.faces()[hit.face as usize], hit.weights))
         });
+        let covering = Covering::new((&drawn, base.collision_faces()), whole, |i| {
+            cover.pull[i] > 0.0
+        });
         let avatar = self.avatar(rest, (&rest_heads, &rest_tails), weights, (&drawn, unbind))?;
         Ok(Twin {
             avatar,
@@ -176,6 +180,7 @@ impl<'a> Maker<'a> {
             uncovered,
             unmet,
             on_skin: on_skin.collect(),
+            covering,
             bound,
             joints: whole.bound.clone(),
             leads: self.joints.leads(whole),

@@ -133,7 +133,7 @@ impl From<BackdropName> for Backdrop {
 /// What a job prints.
 #[derive(Debug, Args)]
 pub struct Telling {
-    /// Print the report on standard output instead of the table.
+    /// Print the report on standard output instead of the table; where the job fails, the error.
     #[arg(long)]
     pub json: bool,
     /// No progress on standard error.
@@ -163,10 +163,10 @@ pub struct Shot {
     /// Also draw the last frame (OUT.png) and a film (OUT.film.png, animated).
     #[arg(long)]
     pub picture: bool,
-    /// Let the film's camera go around the body once, as on a turntable.
+    /// With --picture: let the film's camera go around the body once, as on a turntable.
     #[arg(long, requires = "picture")]
     pub turn: bool,
-    /// What lies behind the figure in these.
+    /// With --picture: what lies behind the figure.
     #[arg(long, requires = "picture", value_enum, default_value_t = BackdropName::Studio)]
     pub backdrop: BackdropName,
     /// How much of the motion [s] [default: all].

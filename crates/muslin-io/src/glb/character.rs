@@ -38,6 +38,8 @@ pub struct CharacterFile {
     pub sha256: String,
     /// Joints and skin, in the file's unit.
     pub character: Character,
+    /// The names of garments that it wears already, of those that we have written.
+    pub wears: Vec<String>,
     /// The names of its animations; those without one are called by their number, from 1.
     pub clips: Vec<String>,
     pub(super) glb: Glb<'static>,
@@ -87,6 +89,12 @@ pub fn read_character(path: &Path) -> Result<CharacterFile, IoError> {
     Ok(CharacterFile {
         sha256: input.sha256(),
         file: input.file,
+        wears: glb
+            .list("nodes")
+            .iter()
+            .filter(|n| is_garment(n))
+            .filter_map(|n| Some(n["name"].as_str()?.to_owned()))
+            .collect(),
         character,
         clips: glb
             .list("animations")

@@ -22,6 +22,13 @@ pub fn packed(path: &Path, input: &Input) -> Result<Glb<'static>, IoError> {
         bin: Vec::new(),
         most: MAX_BYTES,
     };
+    if input.bytes.starts_with(b"Kaydara FBX") || input.bytes.starts_with(b"; FBX") {
+        let what = "an FBX file, which is not read";
+        let fault = Fault::new("fbx", &input.file, what).allowed("GLB, glTF and VRM");
+        return Err(fault
+            .hint("export the character as GLB, with skin and skeleton")
+            .refused());
+    }
     let mut json: Value = serde_json::from_slice(&input.bytes).map_err(|e| {
         let what = format!("neither a GLB nor glTF JSON: {e}");
         pack.fault("/", &what)

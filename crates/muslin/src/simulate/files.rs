@@ -177,11 +177,14 @@ fn glb(set: &Set, clip: &Clip, (bake, covered): (Bake, &[bool])) -> Result<Vec<u
     let body = moved(files::body(set.avatar, &clip.body[0]), None);
     let is_covered = |i: u32| covered.get(i as usize).copied().unwrap_or(false);
     let body = body.without(is_covered);
+    let uv = set.outfit.uv(&set.cloth.rest);
+    let faces = clip.drape.parts.iter().map(|p| p.faces.clone());
     let parts = clip.garments().into_iter().zip(&set.outfit.pieces);
     let garments: Vec<Moved> = parts
-        .map(|((name, part), piece)| {
+        .zip(faces)
+        .map(|(((name, part), piece), faces)| {
             let verts = part.drape.frames[0].clone();
-            let node = files::garment((name, piece), verts, &piece.garment.uv);
+            let node = files::garment((name, piece), verts, &uv[faces]);
             moved(node, bake.garment(&part, covered))
         })
         .collect();

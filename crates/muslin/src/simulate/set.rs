@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use glam::{DAffine3, DVec3};
-use muslin_body::{Avatar, Cores, Figure, Part, Pose};
+use muslin_body::{Avatar, Cores, Figure, Part, Pose, Posed};
 use muslin_garment::Worn;
 use muslin_geom::Drape;
 use muslin_io::{Clip, sha256};
@@ -186,14 +186,24 @@ impl<'a> Set<'a> {
 
     /// The skin in a pose of the motion, the lead-in counted [m].
     pub fn skin(&self, k: usize) -> Vec<DVec3> {
-        let posed = self.avatar.pose(&self.figure, &self.moving.motion.poses[k]);
-        posed.verts[self.avatar.part(Part::Body)].to_vec()
+        self.posed(k).verts[self.avatar.part(Part::Body)].to_vec()
+    }
+
+    /// The body in a pose of the motion, the lead-in counted; over a character's own skin where it is in its likeness.
+    fn posed(&self, k: usize) -> Posed {
+        let pose = &self.moving.motion.poses[k];
+        let mut posed = self.avatar.pose(&self.figure, pose);
+        if let Some(hero) = self.hero {
+            let joints = hero.twin.joints(&posed.bones, &pose.beyond);
+            let skin = &mut posed.verts[self.avatar.part(Part::Body)];
+            hero.twin.cover(&hero.character, &joints, skin);
+        }
+        posed
     }
 
     /// The body in a pose of the motion, the lead-in counted, as the solver meets it.
     pub fn frame(&self, k: usize) -> Frame {
-        let posed = self.avatar.pose(&self.figure, &self.moving.motion.poses[k]);
-        body_frame(self.avatar, &posed, &self.cores)
+        body_frame(self.avatar, &self.posed(k), &self.cores)
     }
 
     /// The motion as the solver meets it; `rest` and `at` as [`rest`](Self::rest) and
@@ -234,8 +244,7 @@ impl<'a> Set<'a> {
 
     /// Skin and eyes in a delivered frame [m], with the skin that the cloth lies on, as [`clip`](Self::clip) has it.
     pub fn seen(&self, frame: usize, skin: &[DVec3]) -> Vec<DVec3> {
-        let pose = &self.moving.motion.poses[self.moving.lead + frame];
-        let mut verts = self.avatar.pose(&self.figure, pose).verts;
+        let mut verts = self.posed(self.moving.lead + frame).verts;
         let floor = self.floor();
         verts.iter_mut().for_each(|x| x.y -= floor);
         verts[self.avatar.part(Part::Body)].copy_from_slice(skin);
@@ -258,7 +267,7 @@ impl<'a> Set<'a> {
         (frame, skin): (usize, &[DVec3]),
     ) -> (Vec<DAffine3>, Vec<DVec3>) {
         let pose = &self.moving.motion.poses[self.moving.lead + frame];
-        let posed = self.avatar.pose(&self.figure, pose);
+        let posed = self.posed(self.moving.lead + frame);
         let by = skin
             .iter()
             .zip(&posed.verts)

@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn what_failed_is_counted_and_the_rest_is_done() {
+    fn what_failed_is_counted_and_a_stop_comes_first_and_the_rest_is_done() {
         let jobs = named(&["walk", "run"], "out").expect("two names");
         let fine = || {
             Ok(Outcome {
@@ -257,8 +257,13 @@ mod tests {
             ))
         };
         assert!(summary(&jobs, vec![fine(), fine()]).is_ok());
-        let fault = summary(&jobs, vec![fine(), bad()]).expect_err("one failed");
+        let stop = || Err(Failure::new(Exit::Interrupted, "stopped", "stopped"));
+        let one = summary(&jobs, vec![fine(), bad()]).expect("the other is done");
+        assert_eq!((one.table.as_str(), one.json.as_str()), ("t", "[\n{}\n]\n"));
+        let fault = one.fault.expect("one failed");
         assert_eq!(fault.exit, Exit::Quality);
+        let stopped = summary(&jobs, vec![bad(), stop()]).expect_err("neither is done");
+        assert_eq!(stopped.exit, Exit::Interrupted);
         assert!(
             fault
                 .what

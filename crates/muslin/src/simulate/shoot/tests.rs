@@ -138,9 +138,17 @@ fn damage_is_refused_and_nothing_to_resume_is_a_start() {
     let set = set(&avatar, 1);
     let part = place("damage");
     let mut journal = Journal::create(&part.0, head(&set).as_bytes()).expect("writable");
+    for resume in [true, false] {
+        let fault = shoot(&set, Some((&part.0, resume)), &mut Watch::nobody());
+        assert_eq!(fault.expect_err("another job writes it").exit, Exit::Busy);
+    }
+    drop(journal);
     // Killed before the first frames were kept.
     assert!(Take::resume(&set, &part.0, &mut Watch::nobody()).is_ok());
+    let open = Journal::open(&part.0).expect("readable");
+    journal = open.expect("it is there");
     journal.append(&[1, 2, 3]).expect("writable");
+    drop(journal);
     let fault = shoot(&set, Some((&part.0, true)), &mut Watch::nobody()).expect_err("damaged");
     assert_eq!(fault.code, "cannot-resume");
     std::fs::remove_file(&part.0).expect("removable");
