@@ -6,6 +6,7 @@ mod bake;
 pub mod bvh;
 pub mod ccd;
 pub mod closest;
+pub mod colour;
 mod cut;
 mod drape;
 mod fill;

@@ -14,6 +14,7 @@ mod flat;
 use std::path::Path;
 
 use muslin_garment::{Confidence, Fabric};
+use muslin_geom::colour::{bytes_of, linear};
 use serde_json::Value;
 
 use crate::error::{Fault, IoError, Place};
@@ -141,7 +142,7 @@ fn toml(file: &str, stem: &str, text: &str) -> Result<Fabric, IoError> {
         None => {}
     }
     if let Some((colour, line)) = flat.text("colour")? {
-        fabric.look.colour = linear(file, &colour, line)?;
+        fabric.look.colour = light(file, &colour, line)?;
     }
     if let Some(roughness) = flat.number("roughness")? {
         fabric.look.roughness = roughness.clamp(0.0, 1.0) as f32;
@@ -158,8 +159,8 @@ fn missing(file: &str, key: &str) -> IoError {
         .invalid()
 }
 
-/// `#rrggbb` in sRGB to linear RGB (IEC 61966-2-1).
-fn linear(file: &str, colour: &str, line: usize) -> Result<[f32; 3], IoError> {
+/// `#rrggbb` as linear light.
+fn light(file: &str, colour: &str, line: usize) -> Result<[f32; 3], IoError> {
     let digits = colour.strip_prefix('#').filter(|d| d.len() == 6);
     let whole = digits.and_then(|d| u32::from_str_radix(d, 16).ok());
     let whole = whole.ok_or_else(|| {
@@ -169,14 +170,7 @@ fn linear(file: &str, colour: &str, line: usize) -> Result<[f32; 3], IoError> {
             .allowed("six hexadecimal digits, as \"#2f6f73\"")
             .invalid()
     })?;
-    Ok([16, 8, 0].map(|shift| {
-        let c = ((whole >> shift) & 0xff) as f32 / 255.0;
-        if c <= 0.04045 {
-            c / 12.92
-        } else {
-            ((c + 0.055) / 1.055).powf(2.4)
-        }
-    }))
+    Ok(linear(bytes_of(whole)))
 }
 
 /// A name as presets have it: lower case, words joined by dashes.

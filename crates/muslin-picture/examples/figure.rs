@@ -9,10 +9,10 @@ use std::path::Path;
 use std::time::Instant;
 
 use glam::{DVec2, DVec3};
+use muslin_geom::colour::linear;
 use muslin_geom::{Image, vertex_normals};
 use muslin_picture::{
-    Camera, Ground, Material, Options, Part, Scene, View, Weave, WeaveKind, linear, render,
-    turntable,
+    Camera, Ground, Material, Options, Part, Scene, View, Weave, WeaveKind, render, turntable,
 };
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -30,4 +30,3 @@ pub use camera::{Camera, View};
 pub use overlay::overlay;
 pub use scene::{Background, Ground, Layer, Material, Part, Scene, Weave, WeaveKind};
 pub use stage::{Options, Stage, render, turntable};
-pub use tone::linear;

@@ -1,18 +1,7 @@
 //! From light to pixels: the film curve and sRGB.
 
 use glam::Vec3;
-
-/// Linear RGB of an sRGB colour, 0 to 255 a channel (IEC 61966-2-1).
-pub fn linear(srgb: [u8; 3]) -> [f32; 3] {
-    srgb.map(|byte| {
-        let c = f32::from(byte) / 255.0;
-        if c <= 0.04045 {
-            c / 12.92
-        } else {
-            ((c + 0.055) / 1.055).powf(2.4)
-        }
-    })
-}
+use muslin_geom::colour::linear;
 
 /// Where the shoulder starts.
 const SHOULDER: f32 = 0.76;

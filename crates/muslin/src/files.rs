@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 use muslin_body::{Avatar, Part};
+use muslin_geom::colour::byte;
 use muslin_geom::{Mesh, intersecting_pairs};
 use muslin_io::{Material, Node, Scene, Sheen, shared_corners, stored_positions};
 
@@ -100,9 +101,9 @@ pub fn garment(
     uv: &[[DVec2; 3]],
 ) -> (Node, Vec<u32>) {
     let look = &piece.fabric.look;
-    let colour = look.colour.map(display);
+    let colour = look.colour.map(byte);
     let sheen = Sheen {
-        colour: look.colour.map(|c| display((0.04 + 0.5 * c) * look.sheen)),
+        colour: look.colour.map(|c| byte((0.04 + 0.5 * c) * look.sheen)),
         roughness: 0.5,
     };
     let material = Material {
@@ -125,28 +126,4 @@ pub fn garment(
         ..Node::default()
     };
     node.with_corner_uvs_and_sources(&uv_faces, &uvs)
-}
-
-/// Linear light to an sRGB byte.
-fn display(linear: f32) -> u8 {
-    let c = linear.clamp(0.0, 1.0);
-    let s = if c <= 0.003_130_8 {
-        12.92 * c
-    } else {
-        1.055 * c.powf(1.0 / 2.4) - 0.055
-    };
-    (s * 255.0).round() as u8
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn colours_survive_the_way_to_bytes() {
-        assert_eq!(
-            (display(0.0), display(1.0), display(0.214_041)),
-            (0, 255, 127)
-        );
-    }
 }

@@ -11,6 +11,8 @@
 //! - friction: between 0.25 (filament silk, polyester) and 0.5 (denim) as published presets span;
 //! - weave repeats: usual thread counts; colours, sheen and roughness: taste.
 
+use muslin_geom::colour::{bytes_of, linear};
+
 use super::{Confidence, Fabric, Look, Weave};
 
 struct Row {
@@ -69,7 +71,7 @@ impl Row {
             source: self.source.to_owned(),
             confidence: self.confidence,
             look: Look {
-                colour: linear(self.colour),
+                colour: linear(bytes_of(self.colour)),
                 weave: self.weave,
                 repeat: self.repeat * 1e-3,
                 sheen: self.shine[0],
@@ -77,18 +79,6 @@ impl Row {
             },
         }
     }
-}
-
-/// `0xRRGGBB` in sRGB to linear RGB (IEC 61966-2-1).
-fn linear(colour: u32) -> [f32; 3] {
-    [16, 8, 0].map(|shift| {
-        let c = ((colour >> shift) & 0xff) as f32 / 255.0;
-        if c <= 0.04045 {
-            c / 12.92
-        } else {
-            ((c + 0.055) / 1.055).powf(2.4)
-        }
-    })
 }
 
 const VDP: &str = "Virtual Draping, table 1 (fibre moduli in a thin sheet); friction ours";

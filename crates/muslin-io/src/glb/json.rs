@@ -1,6 +1,7 @@
 //! The JSON half: nodes, meshes, materials, textures.
 
 use glam::DVec2;
+use muslin_geom::colour::linear;
 use serde_json::{Map, Value, json};
 
 use super::GlbOptions;
@@ -61,7 +62,7 @@ impl Root {
     /// Adds the node's material; the textures are laid out for its coordinates.
     pub fn material(&mut self, bin: &mut Bin, node: &Node) -> usize {
         let look = &node.material;
-        let [r, g, b] = linear(look.colour);
+        let [r, g, b] = light(look.colour);
         let mut value = json!({
             "name": look.name,
             "doubleSided": look.double_sided,
@@ -73,7 +74,7 @@ impl Root {
         });
         if let Some(sheen) = &look.sheen {
             value["extensions"]["KHR_materials_sheen"] = json!({
-                "sheenColorFactor": linear(sheen.colour),
+                "sheenColorFactor": light(sheen.colour),
                 "sheenRoughnessFactor": sheen.roughness.clamp(0.0, 1.0),
             });
             self.uses("KHR_materials_sheen");
@@ -188,15 +189,7 @@ pub fn has_normal_map(node: &Node) -> bool {
     !node.uvs.is_empty() && maps.is_some_and(|m| m.normal.is_some())
 }
 
-/// sRGB to linear light (IEC 61966-2-1), to five digits: finer than eight bits.
-fn linear(colour: [u8; 3]) -> [f64; 3] {
-    colour.map(|c| {
-        let c = f64::from(c) / 255.0;
-        let c = if c <= 0.04045 {
-            c / 12.92
-        } else {
-            ((c + 0.055) / 1.055).powf(2.4)
-        };
-        (c * 1e5).round() / 1e5
-    })
+/// Linear light, to five digits: finer than eight bits.
+fn light(colour: [u8; 3]) -> [f64; 3] {
+    linear(colour).map(|c| (f64::from(c) * 1e5).round() / 1e5)
 }
