@@ -85,3 +85,57 @@ impl Covering {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet of 5 x 5 vertices, 2 cm apart, that faces up.
+    fn sheet() -> (Vec<DVec3>, Vec<[u32; 3]>) {
+        let at = |i: u32| DVec3::new(f64::from(i % 5), f64::from(i / 5), 0.0) * 0.02;
+        let cells = (0..20_u32).filter(|i| i % 5 < 4);
+        let faces = cells.flat_map(|i| [[i, i + 1, i + 6], [i, i + 6, i + 5]]);
+        ((0..25).map(at).collect(), faces.collect())
+    }
+
+    #[test]
+    fn skin_is_raised_to_what_comes_out_of_it_and_no_farther() {
+        let (skin, faces) = sheet();
+        let character = Character {
+            verts: skin.clone(),
+            faces: faces.clone(),
+            ..Character::default()
+        };
+        let covering = Covering::new((&skin, &faces), &character, |i| i != 24);
+        let raised = |theirs: f64| {
+            let theirs: Vec<DVec3> = skin.iter().map(|p| *p + DVec3::Z * theirs).collect();
+            let mut own = skin.clone();
+            covering.over(&mut own, &theirs);
+            own.into_iter().map(|p| p.z).collect::<Vec<_>>()
+        };
+        let near = |all: Vec<f64>, z: f64| all.iter().all(|x| (x - z).abs() < 1e-12);
+        // The corner that is not to cover follows what is around it.
+        assert!(near(raised(0.008), 0.008));
+        assert!(near(raised(0.05), MOST));
+        assert!(
+            near(raised(-0.01), 0.0),
+            "what lies under our skin is covered"
+        );
+        assert!(
+            near(raised(0.1), 0.0),
+            "what is that far away is something else"
+        );
+    }
+
+    #[test]
+    fn a_side_that_faces_away_is_not_covered() {
+        let (skin, faces) = sheet();
+        let character = Character {
+            verts: skin.clone(),
+            faces: faces.iter().map(|f| [f[0], f[2], f[1]]).collect(),
+            ..Character::default()
+        };
+        let covering = Covering::new((&skin, &faces), &character, |_| true);
+        assert!(covering.lies_on.iter().all(Option::is_none));
+    }
+}
