@@ -12,6 +12,7 @@ pub mod garmentcode;
 mod glb;
 mod input;
 mod journal;
+mod lock;
 pub mod npz;
 mod obj;
 mod obj_mesh;
@@ -39,6 +40,7 @@ pub use glb::{
 };
 pub use input::{Input, files_in, read_file};
 pub use journal::Journal;
+pub use lock::Lock;
 pub use obj::obj;
 pub use obj_mesh::{ObjMesh, read_obj};
 pub use output::{Output, Written, write_file};

@@ -534,7 +534,8 @@ fn compare(
         accelerations.extend(theirs.acceleration);
     }
     distances.tell(&mut r);
-    r.set("energy_gap_J", mean(gaps));
+    r.set("energy_gap_J", mean(gaps))
+        .set("energies_of", "reference cloth");
     r.set("their_acceleration_mean_m_s2", mean(accelerations));
     if let Some(still) = still {
         let [content, swing] = still.content(&truth.drape.frames);

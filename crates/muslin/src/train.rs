@@ -18,7 +18,7 @@ use std::time::Instant;
 
 use muslin_body::{Avatar, Figure, Motion};
 use muslin_geom::{Report, Value};
-use muslin_io::{Journal, report_json, write_file, write_weights};
+use muslin_io::{Journal, Lock, report_json, write_file, write_weights};
 use muslin_model::Model;
 use muslin_train::published::{Published, System};
 use muslin_train::{
@@ -68,6 +68,7 @@ const KEEP_EVERY: f64 = 15.0;
 /// there and gives the same bits as one that was never stopped.
 pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Outcome, Failure> {
     options.check(out)?;
+    let _alone = Lock::hold(out).map_err(|e| file_failure(&e))?;
     let options = &options.with_fabric(|w| watch.warn(w)).with_skinning();
     let hero = Hero::load(&options.dress)?;
     let avatar = avatar_of(hero.as_ref())?;
@@ -104,6 +105,14 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
         Journal::remove(part).map_err(|e| file_failure(&e))?;
     }
     Ok(told)
+}
+
+/// Cloth that costs more has flown apart [J].
+const DIVERGED: f64 = 1e8;
+
+/// As the command line says it.
+fn cut_name(dress: &DressOptions) -> String {
+    format!("{:?}", dress.cut).to_lowercase()
 }
 
 /// One course of steps: on coarse cloth, or on that which is asked for.
@@ -193,7 +202,11 @@ impl School<'_, '_> {
         if let Some(path) = &self.options.from {
             class.begun = Some(read_model(path)?);
         }
-        self.report.set("outfit", tell::outfit(&outfit));
+        let dress = &self.options.dress;
+        self.report
+            .set("outfit", tell::outfit(&outfit))
+            .set("edge_mm", dress.edge * 1000.0)
+            .set("cut", cut_name(dress));
         tell::size(&mut self.report, &outfit);
         let mut told = tell::pieces(&outfit);
         if class.pupils.len() > 1 {
@@ -287,6 +300,15 @@ impl School<'_, '_> {
             after: 0.0,
         };
         let (last, log) = self.learn(&mut *trainer, &lap, sketch.as_ref())?;
+        if last.energies.total() > DIVERGED {
+            let what = format!(
+                "cloth has {:.1e} J a pose after {} steps",
+                last.energies.total(),
+                last.step
+            );
+            let fault = Failure::new(Exit::Numbers, "diverged", what);
+            return Err(fault.hint("teach it anew with a lower --rate, or more --steps"));
+        }
         self.check((avatar, figure), &*trainer)?;
         let e = last.energies;
         let line = format!(
@@ -458,7 +480,7 @@ impl School<'_, '_> {
             ("shapes", which(self.options.any_shape).into()),
             ("sizes", which(self.options.any_size).into()),
             ("size", d.size.map_or("", Size::label).into()),
-            ("cut", format!("{:?}", d.cut).to_lowercase()),
+            ("cut", cut_name(d)),
             ("edge", d.edge.to_string()),
             ("body", body_note(self.hero)),
             ("height", told(d.height)),

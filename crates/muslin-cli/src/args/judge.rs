@@ -107,9 +107,9 @@ pub struct Bench {
     /// side by side.
     #[arg(long)]
     pub model: Vec<PathBuf>,
-    /// Bodies, and poses for each, in the drape figures, else 20; frames in the garments figures,
-    /// else 9 (some three minutes a model).
-    #[arg(long)]
+    /// Bodies, and poses for each, in the drape figures, else 20; frames of all three clips together in the garments
+    /// figures, else 9 (some three minutes a model).
+    #[arg(long, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..))]
     pub cases: Option<usize>,
     /// The fabric in the garments figures, where it is another than the models were taught in.
     #[arg(long)]

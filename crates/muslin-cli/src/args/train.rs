@@ -59,7 +59,8 @@ pub struct Train {
     /// Learnt shapes of the cloth that are mixed for a pose [default: 64].
     #[arg(long)]
     pub codes: Option<usize>,
-    /// Poses of the motions that are learnt from, at most; for snug and ncs, windows of poses.
+    /// Poses of the motions that are learnt from, at most, and mixed ones besides, 64 in all at least; for snug and ncs,
+    /// windows of poses.
     #[arg(long, default_value_t = TrainOptions::default().poses)]
     pub poses: usize,
     /// Poses mixed of those of the motions (arms between one's and another's, on a third's trunk),

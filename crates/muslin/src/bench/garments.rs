@@ -212,6 +212,9 @@ pub fn garments(
     for subject in &subjects {
         wants_character(&subject.model, who.1.is_some())?;
     }
+    if let (None, Some(told)) = (fabric_of(&trials.worn), differing(&subjects)) {
+        watch.warn(&told);
+    }
     let parts = parts(&subjects, &trials.only);
     if parts.is_empty() && !on_sphere {
         let what = format!(
@@ -277,6 +280,23 @@ pub fn garments(
     ))
 }
 
+/// The fabric that all are measured in, where one is asked for.
+fn fabric_of(worn: &DressOptions) -> Option<&str> {
+    worn.outfit.first()?.fabric.as_deref()
+}
+
+/// What is to be said where models are of different fabrics.
+fn differing(subjects: &[Subject]) -> Option<String> {
+    let first = subjects.first()?.note("fabric");
+    subjects.iter().find(|s| s.note("fabric") != first).map(|other| {
+        format!(
+            "models of different fabrics ({first}, {}): each is measured in its own, and what stiff cloth costs \
+             is not to be held against soft cloth; --fabric names one for all",
+            other.note("fabric")
+        )
+    })
+}
+
 /// What is to be measured, as far as it was asked for, by name.
 fn parts<'s>(subjects: &'s [Subject], only: &[String]) -> Vec<(String, &'s Subject, Kind)> {
     let name = |s: &Subject, kind: Kind| match kind {
@@ -293,9 +313,10 @@ fn parts<'s>(subjects: &'s [Subject], only: &[String]) -> Vec<(String, &'s Subje
 }
 
 /// Heads of the table of cloth at rest.
-const HEADS: [&str; 10] = [
+const HEADS: [&str; 11] = [
     "clip",
     "model",
+    "fabric",
     "tier",
     "strain J",
     "gap J",
@@ -367,6 +388,7 @@ fn at_rest(
         table.row([
             first(names[0]),
             first(names[1]),
+            first(fabric_of(worn).unwrap_or(subject.note("fabric"))),
             TIERS[t].to_owned(),
             strain,
             gap,

@@ -119,7 +119,8 @@ impl<'a> Solver<'a> {
         }
         let mut r = self.told("minimiser");
         r.set("frames", n)
-            .set("energy_gap_J", gaps.iter().sum::<f64>());
+            .set("energy_gap_J", gaps.iter().sum::<f64>())
+            .set("energies_of", self.fabrics.as_str());
         r.set("gap_of_stretch_J", gaps[0])
             .set("gap_of_bending_J", gaps[1])
             .set("gap_of_weight_J", gaps[2]);

@@ -232,8 +232,13 @@ impl Quality {
     pub fn contact(&self) -> String {
         let [touching, crossed] = self.faulty();
         let again = self.again;
+        let yielded = self.told.iter().map(|t| t.yielded).fold(0.0, f64::max) * 1e3;
+        let gave = match yielded < 0.5 {
+            true => String::new(),
+            false => format!("; skin gave way by up to {yielded:.0} mm"),
+        };
         format!(
-            "{touching} frames with cloth in the body, {crossed} with cloth in cloth; {again} solved again"
+            "{touching} frames with cloth in the body, {crossed} with cloth in cloth; {again} solved again{gave}"
         )
     }
 

@@ -1,0 +1,72 @@
+//! One job at a time for a result: `NAME.lock` beside it, for as long as the job lives.
+
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::path::{Path, PathBuf};
+
+use crate::error::{Fault, IoError, name};
+use crate::output::unwritable;
+
+/// A result that is being made; free again, and its lock gone, when this is dropped. A killed job holds nothing.
+#[derive(Debug)]
+pub struct Lock {
+    path: PathBuf,
+    _file: File,
+}
+
+impl Lock {
+    /// Takes `out` for this job, where its folder is there already.
+    ///
+    /// Fails where another job makes it.
+    pub fn hold(out: &Path) -> Result<Option<Self>, IoError> {
+        let mut path = out.as_os_str().to_owned();
+        path.push(".lock");
+        let path = PathBuf::from(path);
+        let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
+        if folder.is_some_and(|f| !f.is_dir()) {
+            return Ok(None);
+        }
+        let file = OpenOptions::new().create(true).append(true).open(&path);
+        let file = file.map_err(|e| unwritable(&path, 0, &e))?;
+        // Where a disk knows no locks, jobs must keep apart by themselves.
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => {
+                let fault = Fault::new("busy", name(out), "another job is making it");
+                Err(fault
+                    .hint("wait for that job, or name another --out")
+                    .busy())
+            }
+            _ => Ok(Some(Self { path, _file: file })),
+        }
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // That it stays behind hurts nobody: it is the lock that counts, not the file.
+        let _ = fs::remove_file(&self.path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_result_is_made_by_one_job_at_a_time() {
+        let folder = std::env::temp_dir().join(format!("muslin-lock-{}", std::process::id()));
+        assert!(
+            Lock::hold(&folder.join("tee.muslin"))
+                .expect("no folder yet")
+                .is_none()
+        );
+        fs::create_dir_all(&folder).expect("a temporary folder");
+        let out = folder.join("tee.muslin");
+        let held = Lock::hold(&out).expect("free");
+        let fault = Lock::hold(&out).expect_err("another job makes it");
+        assert_eq!((fault.code(), fault.exit_code()), ("busy", 8), "{fault}");
+        drop(held);
+        assert!(fs::read_dir(&folder).expect("a folder").next().is_none());
+        assert!(Lock::hold(&out).expect("free again").is_some());
+        fs::remove_dir_all(&folder).expect("removable");
+    }
+}
