@@ -49,8 +49,9 @@ pub fn dress(
     watch: &mut Watch,
 ) -> Result<Outcome, Failure> {
     options.check()?;
-    let photo = read_photo(photo, &PhotoLimits::default()).map_err(|e| file_failure(&e))?;
-    dress_photo(&photo, out, options, watch)
+    let photo = read_photo(photo, &PhotoLimits::default()).map_err(|e| file_failure(&e));
+    let done = photo.and_then(|photo| dress_photo(&photo, out, options, watch));
+    done.map_err(|f| with_left_over(f, out))
 }
 
 /// Dresses the person in the built-in photo.
@@ -67,7 +68,7 @@ pub fn demo(out: &Path, options: &DressOptions, watch: &mut Watch) -> Result<Out
         file: input.file,
         image,
     };
-    dress_photo(&photo, out, options, watch)
+    dress_photo(&photo, out, options, watch).map_err(|f| with_left_over(f, out))
 }
 
 /// Dresses the default body in the built-in stance called `pose`.
@@ -90,7 +91,8 @@ pub fn dress_pose(
     job.report.set("body", tell::person(&shape, &measures));
     job.done(2, "body", tell::measures(&measures))?;
     let model = Model { sitter, over: None };
-    job.clothe(&model, &Cut::new(&avatar, options), out)
+    let done = job.clothe(&model, &Cut::new(&avatar, options), out);
+    done.map_err(|f| with_left_over(f, out))
 }
 
 /// The average body with what the options say of it.
@@ -512,6 +514,17 @@ fn left_over(out: &Path, now: &[&Path]) -> Vec<String> {
     left
 }
 
+/// A failure that says what lies in the folder that nothing was written to now.
+fn with_left_over(failure: Failure, out: &Path) -> Failure {
+    let left = left_over(out, &[]);
+    if left.is_empty() {
+        return failure;
+    }
+    let hints = [failure.hint.clone(), left.join(", ")];
+    let hints = hints.into_iter().filter(|h| !h.is_empty());
+    failure.hint(hints.collect::<Vec<_>>().join("; "))
+}
+
 /// The front picture and the turntable.
 fn pictures(
     (avatar, sitter): (&Avatar, &Sitter),
@@ -551,6 +564,12 @@ mod tests {
         };
         assert_eq!(left.len(), 2, "{left:?}");
         assert!(of(&out) && of(&people[1]));
+        let fault = Failure::new(Exit::Invalid, "fit", "no").hint("look again");
+        let told = with_left_over(fault, &out).hint;
+        assert!(
+            told.starts_with("look again; ") && told.contains("an earlier run"),
+            "{told}"
+        );
         std::fs::remove_dir_all(&out).expect("our own folder");
     }
 }
