@@ -12,6 +12,7 @@ mod dressed;
 mod json;
 mod moving;
 mod pack;
+mod paint;
 mod play;
 mod tangent;
 mod track;

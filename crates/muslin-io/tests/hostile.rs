@@ -73,6 +73,41 @@ fn a_small_character_is_read() {
     );
 }
 
+/// Vertices take the colour of their material and of its picture where they lie on it; one that cannot be read is none.
+#[test]
+fn a_character_has_the_colours_of_its_materials_and_of_their_pictures() {
+    let picture = muslin_geom::Image {
+        width: 2,
+        height: 1,
+        pixels: vec![[255, 0, 0, 255], [0, 0, 255, 255]],
+    };
+    let picture = muslin_io::png(&picture);
+    let uvs: Vec<u8> = [[0.2f32, 0.5], [0.8, 0.5], [1.3, -0.5]]
+        .concat()
+        .into_iter()
+        .flat_map(f32::to_le_bytes)
+        .collect();
+    let mut json = hero();
+    let flat = json!({ "type": "VEC2", "componentType": 5126, "count": 3, "bufferView": 0 });
+    json["accessors"] = json!([zeros("VEC3", 3), flat]);
+    json["meshes"][0]["primitives"][0] =
+        json!({ "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "material": 0 });
+    json["materials"] = json!([{ "pbrMetallicRoughness": {
+        "baseColorFactor": [0.5, 1.0, 0.25, 1.0], "baseColorTexture": { "index": 0 },
+    }}]);
+    json["textures"] = json!([{ "source": 0 }]);
+    json["images"] = json!([{ "bufferView": 1, "mimeType": "image/png" }]);
+    json["bufferViews"] = json!([
+        { "buffer": 0, "byteLength": uvs.len() },
+        { "buffer": 0, "byteOffset": uvs.len(), "byteLength": picture.len() },
+    ]);
+    let colours = |bin: &[u8]| character(&json, bin).expect("sound").colours();
+    let whole = colours(&[uvs.clone(), picture.clone()].concat());
+    assert_eq!(whole, [[0.5, 0.0, 0.0], [0.0, 0.0, 0.25], [0.5, 0.0, 0.0]]);
+    let torn = colours(&[uvs, vec![7; picture.len()]].concat());
+    assert_eq!(torn, [[0.5, 1.0, 0.25]; 3]);
+}
+
 #[test]
 fn a_skin_without_joints_is_an_error_where_a_mesh_has_it() {
     let mut json = hero();

@@ -1,5 +1,7 @@
 //! Who wears it: our own body, or a character that our body is made to resemble.
 
+use std::sync::OnceLock;
+
 use glam::DAffine3;
 use muslin_body::{Avatar, Character, Figure, Motion, Pose, Shape, Twin};
 use muslin_geom::Report;
@@ -23,6 +25,7 @@ pub struct Hero {
     pub base: Avatar,
     /// From the file's places to ours.
     pub ours_from_file: DAffine3,
+    colours: OnceLock<Vec<[f32; 3]>>,
 }
 
 /// Above this share of skin that our likeness does not cover, a warning is due.
@@ -69,7 +72,13 @@ impl Hero {
             twin,
             base,
             ours_from_file,
+            colours: OnceLock::new(),
         }))
+    }
+
+    /// Linear light of each of the character's vertices, as its materials have it.
+    pub fn colours(&self) -> &[[f32; 3]] {
+        self.colours.get_or_init(|| self.file.colours())
     }
 
     /// An animation of its file by name or number, if it has one, in our places.

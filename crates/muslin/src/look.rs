@@ -118,9 +118,16 @@ fn body(avatar: &Avatar, verts: &[DVec3]) -> Shown {
     }
 }
 
-/// Somebody else's body, plain.
-pub fn mannequin(verts: Vec<DVec3>, faces: &[[u32; 3]]) -> Shown {
-    Shown::new(verts, faces.to_vec(), Material::mannequin())
+/// Somebody else's body in its own colours: linear light of every vertex.
+pub fn character(verts: Vec<DVec3>, faces: &[[u32; 3]], colours: &[[f32; 3]]) -> Shown {
+    let plain = Material {
+        colour: [1.0; 3],
+        ..Material::mannequin()
+    };
+    Shown {
+        colours: Some(colours.to_vec()),
+        ..Shown::new(verts, faces.to_vec(), plain)
+    }
 }
 
 /// The lowest of points [m].

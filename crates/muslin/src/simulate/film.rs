@@ -96,8 +96,8 @@ fn scene(
     let is_covered = |i: &u32| covered.get(*i as usize).copied().unwrap_or(false);
     let mut scene = look::scene((set.avatar, &body), &set.outfit, cloth, backdrop);
     if let Some(hero) = set.hero {
-        scene.parts[0] =
-            look::mannequin(set.hero_at(hero, (t, &clip.body[t])), &hero.character.faces);
+        let verts = set.hero_at(hero, (t, &clip.body[t]));
+        scene.parts[0] = look::character(verts, &hero.character.faces, hero.colours());
     }
     let faces = &mut scene.parts[0].faces;
     faces.retain(|f| !f.iter().all(is_covered));
