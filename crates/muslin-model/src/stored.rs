@@ -1,5 +1,7 @@
 //! Models as named arrays, and back.
 
+use std::collections::BTreeMap;
+
 use half::f16;
 use muslin_net::learn::{Mlp, Nonlinear};
 use muslin_net::{Array, Numbers, Weights};
@@ -47,6 +49,11 @@ fn names_network(format: &str) -> bool {
     [FORMATS[1], FORMATS[4]].contains(&format)
 }
 
+/// As 16-bit floats.
+fn halves(x: &[f32]) -> Numbers {
+    Numbers::F16(x.iter().map(|x| f16::from_f32(*x).to_bits()).collect())
+}
+
 /// A byte names no more bones.
 const MOST_BONES: usize = 256;
 
@@ -54,128 +61,21 @@ impl Model {
     /// As arrays; learnt shapes and the network as 16-bit floats, everything else as it is.
     pub fn to_weights(&self) -> Weights {
         let mut out = Weights {
-            notes: self.notes.clone(),
+            notes: self.kept_notes(),
             ..Weights::default()
         };
-        let note =
-            |out: &mut Weights, name: &str, value: String| out.notes.insert(name.into(), value);
-        note(&mut out, "bones", self.bones.join(" "));
-        note(&mut out, "drivers", self.drivers.join(" "));
-        let (format, mlp) = match &self.encoder {
-            Encoder::Plain(m) if self.traits.is_empty() => (FORMATS[0], Some(m)),
-            Encoder::Plain(m) => (FORMATS[2], Some(m)),
-            Encoder::Pbns(m) if self.resizer.is_some() => (FORMATS[4], Some(m)),
-            Encoder::Pbns(m) => (FORMATS[1], Some(m)),
-            Encoder::Snug(_) => (FORMATS[1], None),
-            Encoder::Ncs(n) => (FORMATS[1], Some(&n.still)),
-        };
-        note(&mut out, "format", format.into());
-        if let Some(r) = &self.resizer {
-            note(&mut out, "resizer", r.net.bend.name().into());
-        }
-        if names_network(format) {
-            note(&mut out, "network", self.encoder.name().into());
-        }
-        if !self.traits.is_empty() {
-            let names: Vec<&str> = self.traits.iter().map(|t| t.name.as_str()).collect();
-            note(&mut out, "traits", names.join(" "));
-        }
-        if let Some(mlp) = mlp {
-            note(&mut out, "bend", mlp.bend.name().into());
-            note(&mut out, "bias", mlp.bias.to_string());
-        }
         let mut add = |name: &str, shape: &[usize], numbers| {
             out.arrays.insert(name.into(), Array::new(shape, numbers));
         };
-        let (n, m) = (self.n_verts(), self.skin.weights.len());
-        let halves = |x: &[f32]| x.iter().map(|x| f16::from_f32(*x).to_bits()).collect();
-        add(
-            "faces",
-            &[self.faces.len(), 3],
-            Numbers::U32(self.faces.as_flattened().to_vec()),
-        );
-        add(
-            "template",
-            &[n, 3],
-            Numbers::F32(self.template.as_flattened().to_vec()),
-        );
-        add(
-            "skin.starts",
-            &[n + 1],
-            Numbers::U32(self.skin.starts.clone()),
-        );
-        add("skin.bones", &[m], Numbers::U8(self.skin.bones.clone()));
-        add(
-            "skin.weights",
-            &[m],
-            Numbers::F32(self.skin.weights.clone()),
-        );
-        add(
-            "scale",
-            &[self.scale.len(), 2],
-            Numbers::F32(self.scale.as_flattened().to_vec()),
-        );
-        if !self.traits.is_empty() {
-            let rows = self.traits.iter();
-            let rows = rows.flat_map(|t| [t.value, t.range[0], t.range[1]]);
-            add(
-                "traits",
-                &[self.traits.len(), 3],
-                Numbers::F32(rows.collect()),
-            );
-        }
-        for (name, widths) in widths(&self.encoder) {
-            let list = widths.iter().map(|w| *w as u32).collect();
-            add(name, &[widths.len()], Numbers::U32(list));
-        }
-        match &self.encoder {
-            Encoder::Snug(s) => add(
-                "encoder.body",
-                &[s.body.len()],
-                Numbers::F32(s.body.clone()),
-            ),
-            Encoder::Ncs(n) => add(
-                "encoder.joints",
-                &[n.joints.len(), 3],
-                Numbers::F32(n.joints.as_flattened().to_vec()),
-            ),
-            Encoder::Plain(_) | Encoder::Pbns(_) => {}
-        }
-        add(
-            "encoder.params",
-            &[self.params.len()],
-            Numbers::F16(halves(&self.params)),
-        );
-        add(
-            "modes",
-            &[3 * n, self.n_codes()],
-            Numbers::F16(halves(&self.modes)),
-        );
-        if let Some(r) = &self.resizer {
-            let widths = r.net.widths.iter().map(|w| *w as u32).collect();
-            add(
-                "resizer.widths",
-                &[r.net.widths.len()],
-                Numbers::U32(widths),
-            );
-            add(
-                "resizer.params",
-                &[r.params.len()],
-                Numbers::F16(halves(&r.params)),
-            );
-            add(
-                "resizer.modes",
-                &[3 * n, r.n_codes()],
-                Numbers::F16(halves(&r.modes)),
-            );
-        }
+        self.add_cloth(&mut add);
+        self.add_network(&mut add);
         if let Some(s) = &self.sway {
-            let (k, m) = (s.len(), s.samples.len());
+            let (n, k, m) = (self.n_verts(), s.len(), s.samples.len());
             let list = |x: &[f32]| Numbers::F32(x.to_vec());
             let (steps, bytes) = stepped(&s.shapes, k);
             add("sway.shapes", &[3 * n, k], Numbers::U8(bytes));
             add("sway.steps", &[k], Numbers::F32(steps));
-            add("sway.means", &[3 * m, k], Numbers::F16(halves(&s.means)));
+            add("sway.means", &[3 * m, k], halves(&s.means));
             add("sway.stiffness", &[k], list(&s.stiffness));
             add("sway.damping", &[k], list(&s.damping));
             add("sway.samples", &[m], Numbers::U32(s.samples.clone()));
@@ -185,6 +85,91 @@ impl Model {
             }
         }
         out
+    }
+
+    /// Its own notes, and those that say how its arrays are to be read.
+    fn kept_notes(&self) -> BTreeMap<String, String> {
+        let mut out = self.notes.clone();
+        let mut note = |name: &str, value: String| out.insert(name.into(), value);
+        note("bones", self.bones.join(" "));
+        note("drivers", self.drivers.join(" "));
+        let (format, mlp) = match &self.encoder {
+            Encoder::Plain(m) if self.traits.is_empty() => (FORMATS[0], Some(m)),
+            Encoder::Plain(m) => (FORMATS[2], Some(m)),
+            Encoder::Pbns(m) if self.resizer.is_some() => (FORMATS[4], Some(m)),
+            Encoder::Pbns(m) => (FORMATS[1], Some(m)),
+            Encoder::Snug(_) => (FORMATS[1], None),
+            Encoder::Ncs(n) => (FORMATS[1], Some(&n.still)),
+        };
+        note("format", format.into());
+        if let Some(r) = &self.resizer {
+            note("resizer", r.net.bend.name().into());
+        }
+        if names_network(format) {
+            note("network", self.encoder.name().into());
+        }
+        if !self.traits.is_empty() {
+            let names: Vec<&str> = self.traits.iter().map(|t| t.name.as_str()).collect();
+            note("traits", names.join(" "));
+        }
+        if let Some(mlp) = mlp {
+            note("bend", mlp.bend.name().into());
+            note("bias", mlp.bias.to_string());
+        }
+        out
+    }
+
+    /// Triangles, where they lie at rest and what they follow.
+    fn add_cloth(&self, add: &mut impl FnMut(&str, &[usize], Numbers)) {
+        let (n, m) = (self.n_verts(), self.skin.weights.len());
+        let faces = self.faces.as_flattened().to_vec();
+        add("faces", &[self.faces.len(), 3], Numbers::U32(faces));
+        let template = self.template.as_flattened().to_vec();
+        add("template", &[n, 3], Numbers::F32(template));
+        let starts = self.skin.starts.clone();
+        add("skin.starts", &[n + 1], Numbers::U32(starts));
+        add("skin.bones", &[m], Numbers::U8(self.skin.bones.clone()));
+        let weights = self.skin.weights.clone();
+        add("skin.weights", &[m], Numbers::F32(weights));
+    }
+
+    /// What the network reads, the network, and the shapes that it mixes.
+    fn add_network(&self, add: &mut impl FnMut(&str, &[usize], Numbers)) {
+        let n = self.n_verts();
+        let scale = self.scale.as_flattened().to_vec();
+        add("scale", &[self.scale.len(), 2], Numbers::F32(scale));
+        if !self.traits.is_empty() {
+            let rows = self.traits.iter();
+            let rows = rows.flat_map(|t| [t.value, t.range[0], t.range[1]]);
+            let shape = [self.traits.len(), 3];
+            add("traits", &shape, Numbers::F32(rows.collect()));
+        }
+        for (name, widths) in widths(&self.encoder) {
+            let list = widths.iter().map(|w| *w as u32).collect();
+            add(name, &[widths.len()], Numbers::U32(list));
+        }
+        match &self.encoder {
+            Encoder::Snug(s) => {
+                add(
+                    "encoder.body",
+                    &[s.body.len()],
+                    Numbers::F32(s.body.clone()),
+                );
+            }
+            Encoder::Ncs(s) => {
+                let joints = s.joints.as_flattened().to_vec();
+                add("encoder.joints", &[s.joints.len(), 3], Numbers::F32(joints));
+            }
+            Encoder::Plain(_) | Encoder::Pbns(_) => {}
+        }
+        add("encoder.params", &[self.params.len()], halves(&self.params));
+        add("modes", &[3 * n, self.n_codes()], halves(&self.modes));
+        if let Some(r) = &self.resizer {
+            let widths: Vec<u32> = r.net.widths.iter().map(|w| *w as u32).collect();
+            add("resizer.widths", &[widths.len()], Numbers::U32(widths));
+            add("resizer.params", &[r.params.len()], halves(&r.params));
+            add("resizer.modes", &[3 * n, r.n_codes()], halves(&r.modes));
+        }
     }
 
     /// As [`to_weights`](Self::to_weights), in numbers of such precision. Shapes of a network that is not our own are

@@ -17,11 +17,12 @@ use crate::awake::awake;
 use crate::{
     again::Again,
     carry::Carrier,
-    clean,
+    clean::{self, Tidy},
     cloth::{Cloth, SimError, finite, same},
     dents::Dents,
     drape::{GoOn, Options, asked},
     ordered,
+    relief::Frame,
     simulate::Walk,
     sleep::Sleep,
     stage::{Pace, Stage, Stride},
@@ -162,7 +163,7 @@ impl<D: FnMut(Refined)> Run<'_, D> {
         let mut anew = true;
         let (mut again, mut sleep) = (Again::default(), Sleep::default());
         let mut asleep: Option<Refined> = None;
-        for (i, guess) in guesses.frames.iter().enumerate() {
+        for i in 0..guesses.frames.len() {
             asked(go_on)?;
             let since = Instant::now();
             let stage = &mut self.stage;
@@ -191,39 +192,9 @@ impl<D: FnMut(Refined)> Run<'_, D> {
                 };
                 again.live(stage, &body, &stride)?
             } else {
-                let old = match anew {
-                    true => &stage.x,
-                    false => &guesses.frames[i - 1],
-                };
-                let turns = stage.motions_between(stage.body.now.verts(), &body.skin);
-                let by = |v: usize| {
-                    if i == 0 && guesses.begun.is_some() {
-                        return DVec3::ZERO;
-                    }
-                    let led = turns[v].matrix3 * (stage.x[v] - old[v]);
-                    guess[v] + led - stage.x[v]
-                };
-                let by = ordered::map(guess.len(), by);
-                stage.lead(&body.skin, by);
-                let times = if anew { FIRST } else { 1 };
-                for _ in 0..times * guesses.steps {
-                    stage.step(&self.pace)?;
-                }
-                if i == 0 && guesses.begins_at_rest {
-                    let is_vain = guesses.or_none && !stage.in_itself().is_empty();
-                    if !is_vain {
-                        settle(stage, &self.pace, go_on)?;
-                    }
-                }
-                if swings {
-                    stage.slip_at_rest();
-                    if i + 1 < guesses.frames.len() {
-                        let next = self.dents.frame(k + 1)?;
-                        stage.set_off((&body.skin, &next.skin), time);
-                    }
-                }
-                clean::tidy(stage, &body.cores)
+                self.led((guesses, i), (k, &body), (anew, time, go_on))?
             };
+            let stage = &mut self.stage;
             let self_crossings = stage.in_itself().len();
             // Guesses for poses in which cloth gets caught are no place to begin from.
             anew &= swings && tidy.left + self_crossings > 0 && guesses.begun.is_none();
@@ -259,5 +230,46 @@ impl<D: FnMut(Refined)> Run<'_, D> {
             }
         }
         Ok(())
+    }
+    /// Leads cloth along the way of its guesses to frame `i` of them, and to rest there; `anew`: whatever the one before was.
+    fn led(
+        &mut self,
+        (guesses, i): (&Guesses<'_>, usize),
+        (k, body): (usize, &Frame),
+        (anew, time, go_on): (bool, f64, GoOn<'_>),
+    ) -> Result<Tidy, SimError> {
+        let (stage, guess) = (&mut self.stage, &guesses.frames[i]);
+        let old = match anew {
+            true => &stage.x,
+            false => &guesses.frames[i - 1],
+        };
+        let turns = stage.motions_between(stage.body.now.verts(), &body.skin);
+        let by = |v: usize| {
+            if i == 0 && guesses.begun.is_some() {
+                return DVec3::ZERO;
+            }
+            let led = turns[v].matrix3 * (stage.x[v] - old[v]);
+            guess[v] + led - stage.x[v]
+        };
+        let by = ordered::map(guess.len(), by);
+        stage.lead(&body.skin, by);
+        let times = if anew { FIRST } else { 1 };
+        for _ in 0..times * guesses.steps {
+            stage.step(&self.pace)?;
+        }
+        if i == 0 && guesses.begins_at_rest {
+            let is_vain = guesses.or_none && !stage.in_itself().is_empty();
+            if !is_vain {
+                settle(stage, &self.pace, go_on)?;
+            }
+        }
+        if guesses.inertia > 0.0 {
+            stage.slip_at_rest();
+            if i + 1 < guesses.frames.len() {
+                let next = self.dents.frame(k + 1)?;
+                stage.set_off((&body.skin, &next.skin), time);
+            }
+        }
+        Ok(clean::tidy(stage, &body.cores))
     }
 }

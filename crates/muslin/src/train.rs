@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use muslin_body::{Avatar, Figure, Motion};
+use muslin_body::{Avatar, Figure, Motion, Pose};
 use muslin_geom::{Report, Value};
 use muslin_io::{Journal, Lock, report_json, write_file, write_weights};
 use muslin_model::Model;
@@ -324,27 +324,8 @@ impl School<'_, '_> {
         let mut list = Vec::new();
         for (k, name) in class.files(out).into_iter().enumerate() {
             let mut model = class.part_of(&model, k);
-            if self.options.system.is_none() {
-                let part = &class.parts[k];
-                let cloth = cloth_of(&pupil.cloth, (k, part));
-                let lies = (&cloth, &pupil.template[part.verts.clone()]);
-                model.sway = swings::swings((avatar, figure), lies, &model.bones)?;
-            }
             model.notes = self.notes((class, k), (&model.faces, &sources), &last);
-            let learnt_from = (&class.pupils[..], &shown[..]);
-            let stored = small::stored((&model, avatar), learnt_from, self.options.weights)?;
-            let bytes = write_weights(&stored.weights);
-            let shapes = small::name(stored.precision);
-            self.report.set("shapes_in", shapes);
-            if let Some(off) = stored.off {
-                self.report.set("off_in_file_mm", off * 1e3);
-            }
-            if let (Some(far), Some(_)) = (stored.too_far, self.options.weights) {
-                self.watch.warn(&format!(
-                    "steps as coarse as asked for move a vertex by {:.1} mm; shapes are written as {shapes}",
-                    far * 1e3
-                ));
-            }
+            let bytes = self.stored((avatar, class, k), model, &shown)?;
             list.push(format!(
                 "{} {:.1} MB",
                 name.display(),
@@ -367,6 +348,36 @@ impl School<'_, '_> {
             write_file(path, bytes).map_err(|e| file_failure(&e))?;
         }
         Ok(Outcome::new(table(&last, &files), &self.report))
+    }
+
+    /// The file of garment `k`, with its swings; `shown`: poses that were learnt from.
+    fn stored(
+        &mut self,
+        (avatar, class, k): (&Avatar, &Class, usize),
+        mut model: Model,
+        shown: &[Pose],
+    ) -> Result<Vec<u8>, Failure> {
+        let pupil = &class.pupils[0];
+        if self.options.system.is_none() {
+            let part = &class.parts[k];
+            let cloth = cloth_of(&pupil.cloth, (k, part));
+            let lies = (&cloth, &pupil.template[part.verts.clone()]);
+            model.sway = swings::swings((avatar, &pupil.figure), lies, &model.bones)?;
+        }
+        let learnt_from = (&class.pupils[..], shown);
+        let stored = small::stored((&model, avatar), learnt_from, self.options.weights)?;
+        let shapes = small::name(stored.precision);
+        self.report.set("shapes_in", shapes);
+        if let Some(off) = stored.off {
+            self.report.set("off_in_file_mm", off * 1e3);
+        }
+        if let (Some(far), Some(_)) = (stored.too_far, self.options.weights) {
+            self.watch.warn(&format!(
+                "steps as coarse as asked for move a vertex by {:.1} mm; shapes are written as {shapes}",
+                far * 1e3
+            ));
+        }
+        Ok(write_weights(&stored.weights))
     }
 
     /// What motions cost that were not learnt from.
