@@ -6,7 +6,7 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-use common::{Folder, errors, muslin};
+use common::{Folder, errors, muslin, typed};
 use muslin_io::npz::{Array, write};
 
 /// A short simulation of a coarse tee, and more arguments.
@@ -89,6 +89,29 @@ fn a_film_follows_the_body_or_goes_around_it() {
         assert_eq!(alone.status.code(), Some(2), "{}", errors(&alone));
         assert!(errors(&alone).contains("--picture"), "{}", errors(&alone));
     }
+}
+
+#[test]
+fn an_animation_of_a_file_moves_another_body() {
+    let folder = Folder::new("other");
+    let (out, npz, again) = (folder.at("w.glb"), folder.at("a.npz"), folder.at("b.npz"));
+    let done = wave(&out, &["--npz", &npz]);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let line =
+        format!("simulate --edge 25 --fps 30 --motion {out}#wave --npz {again} -o {out}.glb");
+    let done = typed(&line);
+    assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
+    let read = |p: &str| muslin_io::read_clip(Path::new(p)).expect("it can be read");
+    let (first, second) = (read(&npz), read(&again));
+    assert_eq!((first.body.len(), second.body.len()), (6, 6));
+    // Retargeted, and so not to the bit.
+    for (a, b) in first.body.iter().zip(&second.body) {
+        let off = a.iter().zip(b).map(|(a, b)| a.distance(*b)).sum::<f64>() / a.len() as f64;
+        assert!(off < 0.02, "{off} m on the mean");
+    }
+    let none = typed(&format!("simulate --motion {out}#jump -o {out}.glb"));
+    assert_eq!(none.status.code(), Some(3));
+    assert!(errors(&none).contains("allowed wave"), "{}", errors(&none));
 }
 
 #[test]
@@ -316,7 +339,7 @@ fn bad_input_ends_with_its_code_a_hint_and_no_file() {
         (&["--height", "17200"], 2, "--height"),
         (&["--motion", &smpl], 4, "BVH"),
         (&["--motion", &text], 3, "hint"),
-        (&["--motion", &glb], 3, "--body"),
+        (&["--motion", &glb], 3, "cut short"),
         (&["--motion", &cut], 3, "hint"),
         (&["--motion", &missing], 5, "missing.bvh"),
     ];

@@ -14,6 +14,7 @@ mod moving;
 mod pack;
 mod paint;
 mod play;
+mod recording;
 mod tangent;
 mod track;
 
@@ -28,6 +29,7 @@ pub use character::{CharacterFile, read_character};
 pub use dressed::{Dressed, dressed_glb};
 pub use moving::{Moved, Skinned, moving_glb};
 pub use play::read_moving;
+pub use recording::{Animation, read_animation};
 
 /// How a GLB is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -35,8 +35,8 @@ pub use clip::{Clip, read_clip, read_pc2, write_pc2};
 pub use error::{Fault, IoError, Place, name, plain, quote};
 pub use fabric_file::{FabricFile, parse_fabric, read_fabric};
 pub use glb::{
-    CharacterFile, Dressed, GlbOptions, Moved, Skinned, dressed_glb, glb, moving_glb,
-    read_character, read_moving, stored_positions,
+    Animation, CharacterFile, Dressed, GlbOptions, Moved, Skinned, dressed_glb, glb, moving_glb,
+    read_animation, read_character, read_moving, stored_positions,
 };
 pub use input::{Input, files_in, read_file};
 pub use journal::Journal;

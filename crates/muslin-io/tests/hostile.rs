@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use muslin_io::{CharacterFile, IoError, read_character, read_moving};
+use glam::DVec3;
+use muslin_io::{CharacterFile, Input, IoError, read_animation, read_character, read_moving};
 use serde_json::{Value, json};
 
 /// The bytes of a `.glb`.
@@ -313,4 +314,77 @@ fn positions_in_all_frames_are_limited() {
     let fault = read_moving("a.glb", &glb(&json, &bin)).expect_err("7 GB");
     assert!(fault.to_string().contains("too many positions"), "{fault}");
     assert_eq!(fault.exit_code(), 4, "{fault}");
+}
+
+/// A body's hips and a leg, in frames that are turned at rest; the leg turns on by a right angle about X in a second.
+fn turned_leg() -> (Value, Vec<u8>) {
+    let half = 0.5f32.sqrt();
+    let mut json = json!({
+        "asset": { "version": "2.0" },
+        "extensions": { "VRMC_vrm_animation": { "humanoid": { "humanBones": {
+            "hips": { "node": 1 }, "leftUpperLeg": { "node": 2 },
+        }}}},
+        "nodes": [
+            { "scale": [0.01, 0.01, 0.01], "children": [1] },
+            { "name": "a", "translation": [0, 90, 0], "rotation": [half, 0, 0, half], "children": [2] },
+            { "name": "b", "translation": [0, 0, 10], "rotation": [half, 0, 0, half] },
+            { "name": "eyes", "translation": [0, 1, 5] },
+        ],
+        "animations": [
+            { "channels": [{ "sampler": 0, "target": { "node": 3, "path": "translation" } }],
+              "samplers": [{ "input": 0, "output": 1 }], "name": "look" },
+            { "channels": [{ "sampler": 0, "target": { "node": 2, "path": "rotation" } }],
+              "samplers": [{ "input": 0, "output": 2 }], "name": "kick" },
+        ],
+    });
+    // Times, a place that stays, and turns of a quarter and of a half.
+    let numbers = [
+        &[0.0f32, 1.0][..],
+        &[0.0; 6],
+        &[half, 0.0, 0.0, half, 1.0, 0.0, 0.0, 0.0],
+    ];
+    let mut bin = Vec::new();
+    let (mut views, mut accessors) = (Vec::new(), Vec::new());
+    for (k, (list, kind)) in numbers.iter().zip(["SCALAR", "VEC3", "VEC4"]).enumerate() {
+        views.push(json!({ "buffer": 0, "byteOffset": bin.len(), "byteLength": 4 * list.len() }));
+        accessors.push(json!({ "type": kind, "componentType": 5126, "count": 2, "bufferView": k }));
+        bin.extend(list.iter().flat_map(|x| x.to_le_bytes()));
+    }
+    (json["bufferViews"], json["accessors"]) = (views.into(), accessors.into());
+    (json, bin)
+}
+
+#[test]
+fn an_animation_without_skin_is_a_recording_in_the_worlds_axes_and_the_files_lengths() {
+    let (json, bin) = turned_leg();
+    let input = Input {
+        file: "kick.vrma".into(),
+        bytes: glb(&json, &bin),
+    };
+    let read = |clip: Option<&str>| read_animation(Path::new("kick.vrma"), &input, (clip, 2.0));
+    let animation = read(Some("kick")).expect("sound");
+    assert_eq!(animation.clips, ["look", "kick"]);
+    let recording = animation.recording;
+    // What is looked at hangs from nobody who moves.
+    assert_eq!(recording.skeleton.names, ["", "hips", "leftUpperLeg"]);
+    assert_eq!(recording.skeleton.parents, [None, Some(0), Some(1)]);
+    let close = |a: DVec3, b: [f64; 3]| a.distance(b.into()) < 1e-6;
+    // At rest the leg's place is 10 cm down its parent's Z, which points down.
+    assert!(close(recording.skeleton.offsets[1], [0.0, 0.9, 0.0]));
+    assert!(close(recording.skeleton.offsets[2], [0.0, -0.1, 0.0]));
+    assert_eq!((recording.fps, recording.frames.len()), (2.0, 3));
+    for (k, frame) in recording.frames.iter().enumerate() {
+        assert!(close(frame.translations[2], [0.0, -0.1, 0.0]), "{frame:?}");
+        let turn = frame.rotations[2] * DVec3::Y;
+        let angle = 0.25 * std::f64::consts::PI * k as f64;
+        assert!(close(turn, [0.0, angle.cos(), angle.sin()]), "{turn}");
+        assert!(frame.rotations[1].angle_between(glam::DQuat::IDENTITY) < 1e-6);
+    }
+    assert_eq!(
+        read(Some("2")).expect("by number").recording.frames.len(),
+        3
+    );
+    let fault = read(Some("jump")).expect_err("there is none");
+    assert_eq!((fault.code(), fault.exit_code()), ("no-animation", 3));
+    assert!(fault.to_string().contains("look, kick"), "{fault}");
 }

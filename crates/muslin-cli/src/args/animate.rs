@@ -46,8 +46,8 @@ pub struct Animate {
     /// Another body than it was taught on.
     #[command(flatten)]
     pub build: Build,
-    /// A built-in motion (see `muslin list motions`), an animation of the character's file by name, or a file (BVH, or
-    /// NPZ with poses).
+    /// A built-in motion (see `muslin list motions`), an animation of the character's file by name, or a file (BVH, glTF
+    /// or VRM, as FILE#NAME for one animation of several, NPZ with poses).
     #[arg(long, default_value = "walk", value_name = "NAME|FILE")]
     pub motion: String,
     /// Solver iterations a frame, or for each step in time of cloth that swings: 5 at least; 0 writes frames as

@@ -23,9 +23,9 @@ pub struct Simulate {
     /// Who wears it: our own body, or a rigged character, a .glb, .gltf or .vrm with a skeleton and a skin.
     #[arg(long, value_name = "anny|FILE", default_value = OWN)]
     pub body: PathBuf,
-    /// A built-in motion (see `muslin list motions`), an animation of the character's file by name, a
-    /// file (BVH, or NPZ with poses), or a folder
-    /// of these; may be given several times.
+    /// A built-in motion (see `muslin list motions`), an animation of the character's file by name, a file (BVH, glTF or
+    /// VRM, as FILE#NAME for one animation of several, NPZ with poses), or a folder of BVH, NPZ and VRMA; may be given
+    /// several times.
     #[arg(long, default_value = "walk", value_name = "NAME|FILE|DIR")]
     pub motion: Vec<String>,
     /// Who wears what.

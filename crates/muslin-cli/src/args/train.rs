@@ -27,7 +27,7 @@ pub struct Train {
     /// a skin.
     #[arg(long, value_name = "anny|FILE", default_value = OWN)]
     pub body: PathBuf,
-    /// A built-in motion, an animation of the character's file by name, a file (BVH, or NPZ with poses),
+    /// A built-in motion, an animation of the character's file by name, a file (BVH, glTF or VRM, NPZ with poses),
     /// or a folder of these, to learn from; may
     /// be given several times [default: all built-in motions].
     #[arg(long, value_name = "NAME|FILE|DIR")]

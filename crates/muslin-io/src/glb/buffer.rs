@@ -113,6 +113,11 @@ impl<'a> Glb<'a> {
         fault.at(Place::Pointer(pointer.into())).invalid()
     }
 
+    /// What errors call it.
+    pub fn file(&self) -> &str {
+        &self.name
+    }
+
     /// Too much of something at a place in the JSON.
     pub fn large(&self, pointer: &str, what: &str, allowed: impl Display) -> IoError {
         let fault = Fault::new("glb-large", &self.name, what);

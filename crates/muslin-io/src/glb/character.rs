@@ -22,12 +22,6 @@ use crate::input::read_file;
 const MAX_BYTES: u64 = 512 << 20;
 /// More vertices are refused.
 const MAX_VERTS: usize = 2_000_000;
-/// Longer animations are refused [s].
-const MAX_SECONDS: f64 = 36_000.0;
-/// More frames of an animation are refused.
-const MAX_FRAMES: usize = 1 << 20;
-/// Animations that need more memory are refused [bytes].
-const MAX_PLAYED: usize = 8 << 30;
 
 /// A character as its file has it.
 #[derive(Clone, Debug)]
@@ -82,10 +76,6 @@ pub fn read_character(path: &Path) -> Result<CharacterFile, IoError> {
         }
     }
     let (character, nodes, pieces) = reader.finish()?;
-    let named = |(i, a): (usize, &Value)| match a["name"].as_str() {
-        Some(name) if !name.is_empty() => name.to_owned(),
-        _ => (i + 1).to_string(),
-    };
     Ok(CharacterFile {
         sha256: input.sha256(),
         file: input.file,
@@ -96,12 +86,7 @@ pub fn read_character(path: &Path) -> Result<CharacterFile, IoError> {
             .filter_map(|n| Some(n["name"].as_str()?.to_owned()))
             .collect(),
         character,
-        clips: glb
-            .list("animations")
-            .iter()
-            .enumerate()
-            .map(named)
-            .collect(),
+        clips: clips(&glb),
         nodes,
         pieces,
         glb,
@@ -122,29 +107,26 @@ impl CharacterFile {
     pub fn play(&self, clip: usize, fps: f64) -> Result<Vec<Vec<DAffine3>>, IoError> {
         self.glb.anew();
         let stage = Stage::playing(&self.glb, clip)?;
-        let frames = self.frames(clip, stage.end(), fps)?;
+        let frames = stage.frames(&self.glb, (clip, fps), self.nodes.len())?;
         let at = |k: usize| {
             let time = k as f64 / fps;
             self.nodes.iter().map(|n| stage.world(*n, time)).collect()
         };
         Ok((0..frames).map(at).collect())
     }
+}
 
-    /// How many frames animation number `clip` has, which ends at `end` [s].
-    fn frames(&self, clip: usize, end: f64, fps: f64) -> Result<usize, IoError> {
-        let pointer = format!("/animations/{clip}");
-        if end > MAX_SECONDS {
-            let allowed = format!("{MAX_SECONDS} s");
-            return Err(self.glb.large(&pointer, "it is too long", allowed));
-        }
-        let frames = ((end * fps).floor() as usize).saturating_add(1);
-        let most = MAX_PLAYED / (self.nodes.len() * size_of::<DAffine3>());
-        let most = most.min(MAX_FRAMES);
-        match frames <= most {
-            true => Ok(frames),
-            false => Err(self.glb.large(&pointer, "it has too many frames", most)),
-        }
-    }
+/// The names of a file's animations; those without one are called by their number, from 1.
+pub(super) fn clips(glb: &Glb) -> Vec<String> {
+    let named = |(i, a): (usize, &Value)| match a["name"].as_str() {
+        Some(name) if !name.is_empty() => name.to_owned(),
+        _ => (i + 1).to_string(),
+    };
+    glb.list("animations")
+        .iter()
+        .enumerate()
+        .map(named)
+        .collect()
 }
 
 struct Reader<'a> {
@@ -163,7 +145,7 @@ fn garments(glb: &Glb) -> Vec<usize> {
     nodes.filter_map(|n| int(&n["skin"])).collect()
 }
 
-fn is_garment(node: &Value) -> bool {
+pub(super) fn is_garment(node: &Value) -> bool {
     node["extras"]["muslin"] == GARMENT
 }
 

@@ -19,6 +19,12 @@ use crate::error::IoError;
 const MAX_POINTS: usize = 1 << 28;
 /// More joints are refused.
 pub(super) const MAX_JOINTS: usize = 4096;
+/// Longer animations are refused [s].
+const MAX_SECONDS: f64 = 36_000.0;
+/// More frames of an animation are refused.
+const MAX_FRAMES: usize = 1 << 20;
+/// Animations that need more memory are refused [bytes].
+const MAX_PLAYED: usize = 8 << 30;
 /// Nodes below more others are refused.
 const MAX_DEPTH: usize = 1024;
 
@@ -276,6 +282,28 @@ impl<'a> Stage<'a> {
     pub(super) fn end(&self) -> f64 {
         let lasts = self.tracks.values().filter_map(|t| t.times.last());
         lasts.copied().fold(0.0, f64::max)
+    }
+
+    /// How many frames animation number `clip` has at this rate, for so many joints.
+    ///
+    /// Refuses more than ten hours, 2²⁰ frames or 8 GiB.
+    pub(super) fn frames(
+        &self,
+        glb: &Glb,
+        (clip, fps): (usize, f64),
+        joints: usize,
+    ) -> Result<usize, IoError> {
+        let (pointer, end) = (format!("/animations/{clip}"), self.end());
+        if end > MAX_SECONDS {
+            return Err(glb.large(&pointer, "it is too long", format!("{MAX_SECONDS} s")));
+        }
+        let frames = ((end * fps).floor() as usize).saturating_add(1);
+        let most = MAX_PLAYED / (joints * size_of::<DAffine3>());
+        let most = most.min(MAX_FRAMES);
+        match frames <= most {
+            true => Ok(frames),
+            false => Err(glb.large(&pointer, "it has too many frames", most)),
+        }
     }
 
     /// Keys a second.

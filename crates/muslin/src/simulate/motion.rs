@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use muslin_body::{Avatar, Figure, Motion, Pose, motions, names, retarget};
+use muslin_body::retarget::{self, Recording};
+use muslin_body::{Avatar, Figure, Motion, Pose, motions, names};
 use muslin_geom::Report;
-use muslin_io::{bvh, read_file, read_poses};
+use muslin_io::{Input, bvh, read_animation, read_file, read_poses};
 use rayon::prelude::*;
 
 use crate::dress::file_failure;
@@ -60,6 +61,8 @@ const FAR: f64 = 0.35;
 /// Frames that the way in has at least, and at most.
 const SHORTEST: usize = 15;
 const LONGEST: usize = 20_000;
+/// So many names of animations are told.
+const MANY: usize = 8;
 /// Motions with more frames are refused.
 const MOST_FRAMES: usize = 1 << 20;
 
@@ -111,7 +114,7 @@ fn asked(
     figure: &Figure,
     options: &SimulateOptions,
 ) -> Result<(Moving, Motion), Failure> {
-    let path = Path::new(&options.motion);
+    let (path, part) = named(&options.motion);
     let clip = match hero {
         Some(hero) => own(hero, options)?,
         None => None,
@@ -119,7 +122,7 @@ fn asked(
     let found = match (clip, motions::NAMES.contains(&options.motion.as_str())) {
         (Some(own), _) => own,
         (None, true) => built_in(avatar, figure, options)?,
-        (None, false) if path.exists() || has_kind(path) => file(avatar, figure, path)?,
+        (None, false) if path.exists() || has_kind(path) => file(avatar, figure, (path, part))?,
         (None, false) => return Err(unknown(&options.motion, hero)),
     };
     let cut = cut(&found.motion, options).map_err(|f| f.at(found.name.clone()))?;
@@ -155,12 +158,27 @@ fn built_in(
     })
 }
 
-/// Kinds of files with motions.
-pub const KINDS: [&str; 2] = ["bvh", "npz"];
+/// Kinds of files with motions that are taken from folders, and those that may be named besides: whole characters.
+pub const KINDS: [&str; 3] = ["bvh", "npz", "vrma"];
+const CHARACTERS: [&str; 3] = ["glb", "gltf", "vrm"];
+/// Animations are read at this rate [1/s].
+const RATE: f64 = 60.0;
 
 fn has_kind(path: &Path) -> bool {
-    let is = |e: &std::ffi::OsStr| KINDS.iter().any(|k| e.eq_ignore_ascii_case(k));
-    path.extension().is_some_and(is)
+    let mut kinds = KINDS.iter().chain(&CHARACTERS);
+    let extension = path.extension();
+    extension.is_some_and(|e| kinds.any(|k| e.eq_ignore_ascii_case(k)))
+}
+
+/// A file, and which of its animations is meant: `FILE#NAME`.
+pub fn named(motion: &str) -> (&Path, Option<&str>) {
+    let whole = Path::new(motion);
+    match motion.rsplit_once('#') {
+        Some((file, part)) if !whole.exists() && has_kind(Path::new(file)) => {
+            (Path::new(file), Some(part))
+        }
+        _ => (whole, None),
+    }
 }
 
 fn unknown(asked: &str, hero: Option<&Hero>) -> Failure {
@@ -171,7 +189,7 @@ fn unknown(asked: &str, hero: Option<&Hero>) -> Failure {
     );
     let what = format!("no motion is called {asked:?}, and there is no such file");
     let hint = format!(
-        "did you mean {}? `muslin list motions` shows all; files are .bvh or .npz",
+        "did you mean {}? `muslin list motions` shows all; files are .bvh, .npz, .vrma, .glb, .gltf or .vrm",
         near.join(", ")
     );
     Failure::new(Exit::Usage, "unknown-motion", what)
@@ -179,37 +197,40 @@ fn unknown(asked: &str, hero: Option<&Hero>) -> Failure {
         .hint(hint)
 }
 
-fn no_recording(kind: &str, file: &str) -> Failure {
-    let what = format!("{kind} file is no recording that our body can follow");
-    Failure::new(Exit::Invalid, "no-recording", what)
-    .at(file.to_owned())
-    .hint(
-        "export it as BVH; a character moves in an animation of its own file with --body FILE --motion NAME",
-    )
-}
-
-fn file(avatar: &Avatar, figure: &Figure, path: &Path) -> Result<Moving, Failure> {
+fn file(
+    avatar: &Avatar,
+    figure: &Figure,
+    (path, part): (&Path, Option<&str>),
+) -> Result<Moving, Failure> {
     let input = read_file(path, MAX_BYTES).map_err(|e| file_failure(&e))?;
     let begins = |with: &[u8]| input.bytes.starts_with(with);
-    for (magic, kind) in [
-        (&b"glTF"[..], "a glTF"),
-        (b"Kaydara FBX", "an FBX"),
-        (b"; FBX", "an FBX"),
-    ] {
-        if begins(magic) {
-            return Err(no_recording(kind, &input.file));
-        }
+    if begins(b"Kaydara FBX") || begins(b"; FBX") {
+        let what = "an FBX file is no recording that our body can follow";
+        let fault = Failure::new(Exit::Refused, "no-recording", what).at(input.file);
+        return Err(fault.hint("export it as GLB or BVH"));
     }
-    let (motion, warnings) = match begins(b"PK") {
-        true => {
-            let read = read_poses(avatar, &input.file, &input.bytes);
-            (read.map_err(|e| file_failure(&e))?, Vec::new())
-        }
-        false => recorded(avatar, figure, &input)?,
+    let is_json = path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("gltf"));
+    let who = (avatar, figure, input.file.as_str());
+    let (motion, warnings) = if begins(b"glTF") || is_json {
+        animated(who, (path, &input), part)?
+    } else if let Some(part) = part {
+        let what = format!("it has one motion only, none called {part:?}");
+        return Err(Failure::new(Exit::Invalid, "one-motion", what).at(input.file));
+    } else if begins(b"PK") {
+        let read = read_poses(avatar, &input.file, &input.bytes);
+        (read.map_err(|e| file_failure(&e))?, Vec::new())
+    } else {
+        let read = bvh::read(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
+        followed(who, (read.recording, read.warnings))?
     };
     Ok(Moving {
         sha256: Some(input.sha256()),
-        name: input.file,
+        name: match part {
+            Some(part) => format!("{}#{part}", input.file),
+            None => input.file,
+        },
         motion,
         lead: 0,
         turned: 0.0,
@@ -217,16 +238,35 @@ fn file(avatar: &Avatar, figure: &Figure, path: &Path) -> Result<Moving, Failure
     })
 }
 
-/// A BVH recording on our figure, hands at ease.
-fn recorded(
-    avatar: &Avatar,
-    figure: &Figure,
-    input: &muslin_io::Input,
+/// An animation of a glTF file on our figure.
+fn animated(
+    who: (&Avatar, &Figure, &str),
+    (path, input): (&Path, &Input),
+    part: Option<&str>,
 ) -> Result<(Motion, Vec<String>), Failure> {
-    let read = bvh::read(&input.file, &input.bytes).map_err(|e| file_failure(&e))?;
-    let (mut recording, mut warnings) = (read.recording, read.warnings);
-    let place = |e: &muslin_body::BodyError| body_failure(e).at(input.file.clone());
-    let follow = |r: &retarget::Recording| retarget::retarget_all(avatar, figure, r);
+    let read = read_animation(path, input, (part, RATE)).map_err(|e| file_failure(&e))?;
+    let mut warnings = Vec::new();
+    if let (None, [first, others @ ..]) = (part, read.clips.as_slice())
+        && !others.is_empty()
+    {
+        let more = if others.len() > MANY { ", ..." } else { "" };
+        let some = &others[..others.len().min(MANY)];
+        warnings.push(format!(
+            "it has {} animations, and {first:?} is played; FILE#NAME names another: {}{more}",
+            read.clips.len(),
+            some.join(", ")
+        ));
+    }
+    followed(who, (read.recording, warnings))
+}
+
+/// A recording on our figure, hands at ease.
+fn followed(
+    (avatar, figure, file): (&Avatar, &Figure, &str),
+    (mut recording, mut warnings): (Recording, Vec<String>),
+) -> Result<(Motion, Vec<String>), Failure> {
+    let place = |e: &muslin_body::BodyError| body_failure(e).at(file);
+    let follow = |r: &Recording| retarget::retarget_all(avatar, figure, r);
     let mut motion = follow(&recording).map_err(|e| place(&e))?;
     let (_, false_start) = motion.without_false_start();
     if false_start > 0 {
@@ -241,7 +281,7 @@ fn recorded(
     let relax = |p: &mut Pose| p.relax_hands(avatar, figure);
     let relaxed = motion.poses.par_iter_mut().map(relax);
     relaxed.collect::<Result<(), _>>().map_err(|e| place(&e))?;
-    let told = warnings.into_iter().map(|w| format!("{}: {w}", input.file));
+    let told = warnings.into_iter().map(|w| format!("{file}: {w}"));
     Ok((motion, told.collect()))
 }
 

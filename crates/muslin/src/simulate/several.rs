@@ -140,8 +140,15 @@ fn jobs(motions: &[String], out: &Path, options: &SimulateOptions) -> Result<Vec
         return Err(fault.hint("name a folder; each motion gets a file in it"));
     }
     let job = |motion: &String| {
-        let stem = Path::new(motion).file_stem().unwrap_or_default();
-        let name = muslin_io::name(Path::new(stem));
+        let (file, part) = motion::named(motion);
+        let stem = muslin_io::name(Path::new(file.file_stem().unwrap_or_default()));
+        let name = match part {
+            Some(part) => format!(
+                "{stem}-{}",
+                part.replace(|c: char| !c.is_alphanumeric(), "-")
+            ),
+            None => stem,
+        };
         let own = |folder: &Option<PathBuf>, file: String| folder.as_ref().map(|f| f.join(file));
         let options = SimulateOptions {
             motion: motion.clone(),
