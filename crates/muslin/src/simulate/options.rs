@@ -14,7 +14,7 @@ use super::Bake;
 pub struct SimulateOptions {
     /// Who wears what; what concerns photos is not used.
     pub dress: DressOptions,
-    /// A built-in motion, or a file: BVH or NPZ with poses.
+    /// A built-in motion, an animation of the character, or a file: BVH, glTF or VRM (`FILE#NAME`), or NPZ with poses.
     pub motion: String,
     /// Frames per second, 12 to 240.
     pub fps: f64,
