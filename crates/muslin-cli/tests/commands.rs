@@ -4,6 +4,7 @@ mod common;
 
 use common::{Folder, errors, muslin};
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 fn code(args: &[&str]) -> (Option<i32>, String) {
     let out = muslin(args);
@@ -85,6 +86,39 @@ fn a_built_in_pose_needs_no_photo_and_gives_the_same_bytes_twice() {
         std::fs::read(Path::new(&out).join("look.glb")).expect("it was written")
     };
     assert!(run("a") == run("b"), "two runs differ");
+}
+
+#[test]
+fn a_failure_is_told_as_json_where_that_is_asked_for_and_nobody_need_read_what_is_told() {
+    let done = muslin(&["dress", "nowhere.jpg", "--json"]);
+    assert_eq!(done.status.code(), Some(5));
+    let told = String::from_utf8_lossy(&done.stdout);
+    assert!(
+        told.contains("\"code\": \"cannot-read\"") && told.contains("\"exit\": 5"),
+        "{told}"
+    );
+    let folder = Folder::new("unread");
+    let out = folder.at("w.glb");
+    let args = [
+        "simulate",
+        "--motion",
+        "wave",
+        "--edge",
+        "25",
+        "--seconds",
+        "0.1",
+        "-o",
+        &out,
+    ];
+    let mut child = Command::new(env!("CARGO_BIN_EXE_muslin"))
+        .args(args)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    drop(child.stderr.take());
+    assert_eq!(child.wait().expect("it ends").code(), Some(0));
+    assert!(Path::new(&out).exists());
 }
 
 #[test]

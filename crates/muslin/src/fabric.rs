@@ -69,6 +69,9 @@ mod tests {
         std::fs::write(&path, "like = \"denim\"\nmass_g_m2 = 350\n").expect("a small file");
         let own = find(&path.to_string_lossy()).expect("a fabric file").0;
         assert_eq!((own.name.as_str(), own.density), ("own", 0.35));
+        // What somebody else's file calls its cloth leads to no file.
+        let name = named(&path.to_string_lossy()).expect_err("a name alone");
+        assert_eq!(name.code, "unknown-fabric");
         std::fs::remove_dir_all(&folder).expect("our own folder");
         let gone = find(&path.to_string_lossy()).expect_err("it is gone");
         assert_eq!(gone.exit, Exit::Files);

@@ -137,6 +137,12 @@ mod tests {
             terms: None,
         };
         assert!(mixed.licence().contains("built-in motions"));
+        let named_so = ["built-in.bvh sha256:02".to_owned()];
+        let file = Learnt {
+            sources: &named_so,
+            ..mixed
+        };
+        assert!(!file.licence().contains("built-in motions"));
         assert!(
             mixed
                 .licence()
