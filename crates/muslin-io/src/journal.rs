@@ -6,12 +6,13 @@
 //! Layout: `MUSLINJ1`, then for each record its length (`u64`, little end first), the 64
 //! hexadecimal digits of its hash, and its bytes.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Fault, IoError, name};
 use crate::input::read_file;
+use crate::lock::take;
 use crate::output::{unwritable, write_file};
 use crate::sha256::sha256;
 
@@ -96,13 +97,7 @@ impl Journal {
     fn at_end(path: &Path) -> Result<Self, IoError> {
         let file = OpenOptions::new().append(true).open(path);
         let file = file.map_err(|e| unwritable(path, 0, &e))?;
-        // Where a disk knows no locks, jobs must keep apart by themselves.
-        if let Err(TryLockError::WouldBlock) = file.try_lock() {
-            let fault = Fault::new("busy", name(path), "another job is writing it");
-            return Err(fault
-                .hint("wait for that job, or name another --out")
-                .busy());
-        }
+        take(&file, path)?;
         Ok(Self {
             path: path.to_owned(),
             file,

@@ -51,6 +51,6 @@ pub use pose_npz::{read_poses, write_poses};
 pub use report::report_json;
 pub use scene::{Maps, Material, Node, Scene, Sheen, shared_corners};
 pub use sha256::sha256;
-pub use sniff::{Kind, sniff};
+pub use sniff::{Kind, is_fbx, sniff};
 pub use tensors::{read_weights, write_weights};
 pub use tflite::{TfliteError, read_tflite};

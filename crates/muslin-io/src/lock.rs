@@ -27,16 +27,22 @@ impl Lock {
         }
         let file = OpenOptions::new().create(true).append(true).open(&path);
         let file = file.map_err(|e| unwritable(&path, 0, &e))?;
-        // Where a disk knows no locks, jobs must keep apart by themselves.
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) => {
-                let fault = Fault::new("busy", name(out), "another job is making it");
-                Err(fault
-                    .hint("wait for that job, or name another --out")
-                    .busy())
-            }
-            _ => Ok(Some(Self { path, _file: file })),
+        take(&file, out)?;
+        Ok(Some(Self { path, _file: file }))
+    }
+}
+
+/// Takes an open file for this job, as long as it stays open; `named` is what is told of where another job has it. Where
+/// a disk knows no locks, jobs must keep apart by themselves.
+pub(crate) fn take(file: &File, named: &Path) -> Result<(), IoError> {
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => {
+            let fault = Fault::new("busy", name(named), "another job is writing it");
+            Err(fault
+                .hint("wait for that job, or name another --out")
+                .busy())
         }
+        _ => Ok(()),
     }
 }
 

@@ -45,6 +45,11 @@ const SIGNATURES: &[(usize, &[u8], &str)] = &[
     (0, b"HIERARCHY", "a BVH motion"),
 ];
 
+/// Whether it is an FBX model, binary or text.
+pub fn is_fbx(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"Kaydara FBX") || bytes.starts_with(b"; FBX")
+}
+
 /// Names the kind of `bytes`; the first 512 suffice.
 pub fn sniff(bytes: &[u8]) -> Kind {
     let starts = |at: usize, want: &[u8]| bytes.get(at..at + want.len()) == Some(want);

@@ -83,7 +83,7 @@ impl Hero {
 
     /// An animation of its file by name or number, if it has one, in our places.
     pub fn clip(&self, name: &str, fps: f64) -> Result<Option<Motion>, Failure> {
-        let Some(clip) = called(&self.file.clips, name) else {
+        let Some(clip) = self.file.clip(name) else {
             return Ok(None);
         };
         let frames = self.file.play(clip, fps).map_err(|e| file_failure(&e))?;
@@ -144,13 +144,6 @@ impl Hero {
     }
 }
 
-/// Which animation is meant: the first of that name, or else the one of that number, from 1.
-fn called(clips: &[String], name: &str) -> Option<usize> {
-    let number = || name.parse::<usize>().ok()?.checked_sub(1);
-    let named = clips.iter().position(|c| c == name);
-    named.or_else(number).filter(|i| *i < clips.len())
-}
-
 /// Whom motions move and garments are put on: the likeness of the character, or our own body.
 pub(crate) fn avatar_of(hero: Option<&Hero>) -> Result<Avatar, Failure> {
     match hero {
@@ -194,27 +187,5 @@ pub(crate) fn body_note(hero: Option<&Hero>) -> String {
     match hero {
         Some(hero) => format!("sha256:{}", &hero.file.sha256[..16]),
         None => OURS.into(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn animations_of_one_name_are_told_apart_by_number() {
-        let clips = ["mixamo.com", "mixamo.com", "1", "mixamo.com"].map(String::from);
-        for (name, clip) in [
-            ("mixamo.com", Some(0)),
-            ("2", Some(1)),
-            ("4", Some(3)),
-            // A name goes before a number.
-            ("1", Some(2)),
-            ("0", None),
-            ("5", None),
-            ("walk", None),
-        ] {
-            assert_eq!(called(&clips, name), clip, "{name}");
-        }
     }
 }

@@ -2,7 +2,7 @@
 //! ours by some millimetres, cloth that lies on ours would be pierced by it.
 
 use glam::DVec3;
-use muslin_geom::{Surface, vertex_normals};
+use muslin_geom::{Surface, neighbours, vertex_normals};
 
 use super::Place;
 use crate::Character;
@@ -21,6 +21,7 @@ const ROUNDS: usize = 3;
 pub(super) struct Covering {
     lies_on: Vec<Option<Place>>,
     faces: Vec<[u32; 3]>,
+    near: Vec<Vec<u32>>,
 }
 
 impl Covering {
@@ -42,6 +43,7 @@ impl Covering {
         Self {
             lies_on: skin.iter().enumerate().map(lies_on).collect(),
             faces: faces.to_vec(),
+            near: neighbours(skin.len(), faces),
         }
     }
 
@@ -62,7 +64,7 @@ impl Covering {
         };
         let mut raised: Vec<f64> = self.lies_on.iter().enumerate().map(raise).collect();
         for _ in 0..ROUNDS {
-            self.follow(&mut raised);
+            raised = self.followed(&raised);
         }
         for (x, (n, by)) in skin.iter_mut().zip(normals.iter().zip(raised)) {
             *x += *n * by;
@@ -70,19 +72,12 @@ impl Covering {
     }
 
     /// No vertex is lower than the mean of those around it, so that skin rises in hills and not in thorns.
-    fn follow(&self, raised: &mut [f64]) {
-        let mut around = vec![(0.0, 0.0); raised.len()];
-        for face in &self.faces {
-            let sum: f64 = face.iter().map(|v| raised[*v as usize]).sum();
-            for v in face {
-                let (total, count) = &mut around[*v as usize];
-                *total += sum - raised[*v as usize];
-                *count += 2.0;
-            }
-        }
-        for (own, (total, count)) in raised.iter_mut().zip(around) {
-            *own = own.max(total / f64::max(count, 1.0));
-        }
+    fn followed(&self, raised: &[f64]) -> Vec<f64> {
+        let follow = |(own, near): (&f64, &Vec<u32>)| {
+            let sum: f64 = near.iter().map(|v| raised[*v as usize]).sum();
+            own.max(sum / near.len().max(1) as f64)
+        };
+        raised.iter().zip(&self.near).map(follow).collect()
     }
 }
 

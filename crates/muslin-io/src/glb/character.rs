@@ -59,10 +59,7 @@ pub(super) struct Piece {
 /// Fails where no mesh is skinned, and on compressed meshes, which are not read.
 pub fn read_character(path: &Path) -> Result<CharacterFile, IoError> {
     let input = read_file(path, MAX_BYTES)?;
-    let glb = match input.bytes.starts_with(b"glTF") {
-        true => Glb::owned(&input.file, input.bytes.clone())?,
-        false => pack::packed(path, &input)?,
-    };
+    let glb = pack::open(path, &input)?;
     for extension in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
         let list = glb.json["extensionsRequired"].as_array();
         if list.is_some_and(|l| l.iter().any(|e| e == extension)) {
@@ -101,6 +98,11 @@ fn compressed(file: &str, extension: &str) -> IoError {
 }
 
 impl CharacterFile {
+    /// The number of the animation of a name: the first of that name, or else the one of that number, from 1.
+    pub fn clip(&self, name: &str) -> Option<usize> {
+        called(&self.clips, name)
+    }
+
     /// `world_from_joint` of every joint in animation number `clip`, `fps` times a second.
     ///
     /// Refuses more than ten hours, 2²⁰ frames or 8 GiB.
@@ -127,6 +129,13 @@ pub(super) fn clips(glb: &Glb) -> Vec<String> {
         .enumerate()
         .map(named)
         .collect()
+}
+
+/// Which of `clips` is meant: the first of that name, or else the one of that number, from 1.
+pub(super) fn called(clips: &[String], name: &str) -> Option<usize> {
+    let number = || name.parse::<usize>().ok()?.checked_sub(1);
+    let named = clips.iter().position(|c| c == name);
+    named.or_else(number).filter(|i| *i < clips.len())
 }
 
 struct Reader<'a> {
@@ -412,4 +421,26 @@ fn rows(
         }
     }
     Ok(rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn animations_of_one_name_are_told_apart_by_number() {
+        let clips = ["mixamo.com", "mixamo.com", "1", "mixamo.com"].map(String::from);
+        for (name, clip) in [
+            ("mixamo.com", Some(0)),
+            ("2", Some(1)),
+            ("4", Some(3)),
+            // A name goes before a number.
+            ("1", Some(2)),
+            ("0", None),
+            ("5", None),
+            ("walk", None),
+        ] {
+            assert_eq!(called(&clips, name), clip, "{name}");
+        }
+    }
 }

@@ -7,22 +7,30 @@ use serde_json::{Value, json};
 use super::buffer::{Glb, int};
 use crate::error::{Fault, IoError, Place};
 use crate::input::{Input, mebibytes, read_file};
-use crate::sniff::{Kind, sniff};
+use crate::sniff::{Kind, is_fbx, sniff};
 
 /// Buffers and pictures that have more bytes together are refused.
 const MAX_BYTES: u64 = 512 << 20;
 /// What a KTX 2 texture begins with.
 const KTX2: &[u8] = b"\xabKTX 20\xbb\r\n\x1a\n";
 
+/// A file in either packing; `path`: where it is, for what lies beside it.
+pub fn open(path: &Path, input: &Input) -> Result<Glb<'static>, IoError> {
+    match input.bytes.starts_with(b"glTF") {
+        true => Glb::owned(&input.file, input.bytes.clone()),
+        false => packed(path, input),
+    }
+}
+
 /// The file's JSON over one buffer that holds all its buffers and pictures.
-pub fn packed(path: &Path, input: &Input) -> Result<Glb<'static>, IoError> {
+fn packed(path: &Path, input: &Input) -> Result<Glb<'static>, IoError> {
     let mut pack = Pack {
         file: &input.file,
         folder: path.parent().unwrap_or(Path::new("")),
         bin: Vec::new(),
         most: MAX_BYTES,
     };
-    if input.bytes.starts_with(b"Kaydara FBX") || input.bytes.starts_with(b"; FBX") {
+    if is_fbx(&input.bytes) {
         let what = "an FBX file, which is not read";
         let fault = Fault::new("fbx", &input.file, what).allowed("GLB, glTF and VRM");
         return Err(fault

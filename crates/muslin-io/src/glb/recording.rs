@@ -12,7 +12,7 @@ use muslin_body::retarget::{Frame, Recording, Skeleton};
 use serde_json::Value;
 
 use super::buffer::{Glb, int};
-use super::character::{clips, is_garment};
+use super::character::{called, clips, is_garment};
 use super::pack;
 use super::play::{MAX_JOINTS, Stage};
 use crate::error::{Fault, IoError};
@@ -36,10 +36,7 @@ pub fn read_animation(
     input: &Input,
     (clip, fps): (Option<&str>, f64),
 ) -> Result<Animation, IoError> {
-    let glb = match input.bytes.starts_with(b"glTF") {
-        true => Glb::owned(&input.file, input.bytes.clone())?,
-        false => pack::packed(path, input)?,
-    };
+    let glb = pack::open(path, input)?;
     let clips = clips(&glb);
     let number = chosen(&glb, &clips, clip)?;
     let still = Stage::still(&glb)?;
@@ -76,9 +73,7 @@ fn chosen(glb: &Glb, clips: &[String], clip: Option<&str>) -> Result<usize, IoEr
         return Err(glb.fault("/animations", "no animation: nothing moves"));
     }
     let Some(name) = clip else { return Ok(0) };
-    let number = || name.parse::<usize>().ok()?.checked_sub(1);
-    let found = clips.iter().position(|c| c == name).or_else(number);
-    found.filter(|n| *n < clips.len()).ok_or_else(|| {
+    called(clips, name).ok_or_else(|| {
         let fault = Fault::new(
             "no-animation",
             glb.file(),

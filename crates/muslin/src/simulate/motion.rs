@@ -5,7 +5,7 @@ use std::path::Path;
 use muslin_body::retarget::{self, Recording};
 use muslin_body::{Avatar, Figure, Motion, Pose, motions, names};
 use muslin_geom::Report;
-use muslin_io::{Input, bvh, read_animation, read_file, read_poses};
+use muslin_io::{Input, bvh, is_fbx, read_animation, read_file, read_poses};
 use rayon::prelude::*;
 
 use crate::dress::file_failure;
@@ -204,7 +204,7 @@ fn file(
 ) -> Result<Moving, Failure> {
     let input = read_file(path, MAX_BYTES).map_err(|e| file_failure(&e))?;
     let begins = |with: &[u8]| input.bytes.starts_with(with);
-    if begins(b"Kaydara FBX") || begins(b"; FBX") {
+    if is_fbx(&input.bytes) {
         let what = "an FBX file is no recording that our body can follow";
         let fault = Failure::new(Exit::Refused, "no-recording", what).at(input.file);
         return Err(fault.hint("export it as GLB or BVH"));

@@ -191,14 +191,20 @@ impl<'a> Set<'a> {
 
     /// The body in a pose of the motion, the lead-in counted; over a character's own skin where it is in its likeness.
     fn posed(&self, k: usize) -> Posed {
+        match self.hero {
+            Some(hero) => self.over(hero, k).0,
+            None => self.avatar.pose(&self.figure, &self.moving.motion.poses[k]),
+        }
+    }
+
+    /// The same over a character's skin, and where its joints are ([`muslin_body::Twin::joints`]).
+    fn over(&self, hero: &Hero, k: usize) -> (Posed, Vec<DAffine3>) {
         let pose = &self.moving.motion.poses[k];
         let mut posed = self.avatar.pose(&self.figure, pose);
-        if let Some(hero) = self.hero {
-            let joints = hero.twin.joints(&posed.bones, &pose.beyond);
-            let skin = &mut posed.verts[self.avatar.part(Part::Body)];
-            hero.twin.cover(&hero.character, &joints, skin);
-        }
-        posed
+        let joints = hero.twin.joints(&posed.bones, &pose.beyond);
+        let skin = &mut posed.verts[self.avatar.part(Part::Body)];
+        hero.twin.cover(&hero.character, &joints, skin);
+        (posed, joints)
     }
 
     /// The body in a pose of the motion, the lead-in counted, as the solver meets it.
@@ -244,7 +250,8 @@ impl<'a> Set<'a> {
 
     /// Skin and eyes in a delivered frame [m], with the skin that the cloth lies on, as [`clip`](Self::clip) has it.
     pub fn seen(&self, frame: usize, skin: &[DVec3]) -> Vec<DVec3> {
-        let mut verts = self.posed(self.moving.lead + frame).verts;
+        let pose = &self.moving.motion.poses[self.moving.lead + frame];
+        let mut verts = self.avatar.pose(&self.figure, pose).verts;
         let floor = self.floor();
         verts.iter_mut().for_each(|x| x.y -= floor);
         verts[self.avatar.part(Part::Body)].copy_from_slice(skin);
@@ -266,14 +273,13 @@ impl<'a> Set<'a> {
         hero: &Hero,
         (frame, skin): (usize, &[DVec3]),
     ) -> (Vec<DAffine3>, Vec<DVec3>) {
-        let pose = &self.moving.motion.poses[self.moving.lead + frame];
-        let posed = self.posed(self.moving.lead + frame);
+        let (posed, joints) = self.over(hero, self.moving.lead + frame);
         let by = skin
             .iter()
             .zip(&posed.verts)
             .map(|(s, p)| *s - *p)
             .collect();
-        (hero.twin.joints(&posed.bones, &pose.beyond), by)
+        (joints, by)
     }
 
     /// Vertices of the cloth and of the skin.
