@@ -52,7 +52,7 @@ pub use error::BodyError;
 pub use export::ExportRig;
 pub use figure::Figure;
 pub use keypoints::{BODY25, COCO17, Keypoint, Keypoints, Layout, REGRESSED};
-pub use measure::{DENSITY, Measures};
+pub use measure::{DENSITY, GIRTHS, Measures};
 pub use motion::Motion;
 pub use pose::{Pose, Posed, blended, place_bones};
 pub use rig::{Bone, Rig};

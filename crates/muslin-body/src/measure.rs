@@ -10,6 +10,13 @@ use glam::{DVec2, DVec3};
 /// figure is that of the anny package's own anthropometry.
 pub const DENSITY: f64 = 980.0;
 
+/// Sliders that widen chest, waist and hip, each by itself.
+pub const GIRTHS: [&str; 3] = [
+    "measure-bust-circ",
+    "measure-waist-circ",
+    "measure-hips-circ",
+];
+
 /// Measures of a figure in the rest pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measures {
@@ -31,6 +38,13 @@ pub struct Measures {
     pub arm: f64,
     /// Between the shoulder joints [m].
     pub shoulders: f64,
+}
+
+impl Measures {
+    /// Chest, waist and hip [m].
+    pub fn girths(&self) -> [f64; 3] {
+        [self.chest, self.waist, self.hip]
+    }
 }
 
 impl Avatar {

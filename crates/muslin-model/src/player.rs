@@ -11,7 +11,8 @@ use crate::decode::{Affine, One, Placed};
 use crate::group::{GROUP, Group, Room};
 use crate::mind::Mind;
 use crate::reading::Reading;
-use crate::steps::{self, Job, Sums, Two};
+use crate::shapes::Mixing;
+use crate::steps::{self, Job, Sums};
 use crate::swing::{Past, Swing};
 use crate::{Model, ModelError};
 
@@ -30,12 +31,14 @@ pub struct Player {
     blocks: Arc<Blocks>,
     /// What the network is told.
     input: Vec<f32>,
-    /// Codes and bones of a group.
+    /// Codes of a frame, and those and bones of a group, codes at their places.
+    mixed: Vec<f32>,
     codes: Vec<f32>,
     affine: Vec<Affine>,
     room: Room,
-    /// Codes of a frame in steps, and room for its normals.
-    twos: Vec<Two>,
+    /// Codes of a frame in steps, whether its blocks come in turn from the last on, and room for its normals.
+    mixing: Mixing,
+    backwards: bool,
     lie: Vec<Placed>,
 }
 
@@ -51,7 +54,8 @@ impl Player {
     /// Prepares `model` for bodies of this avatar.
     pub fn new(model: &Model, avatar: &Avatar) -> Result<Self, ModelError> {
         let reading = Reading::new(model, avatar)?;
-        let blocks = Blocks::new(model);
+        let blocks = Blocks::new(model, false);
+        let n_codes = blocks.shapes.n_codes();
         let mut swing = Swing::new(model);
         swing.iter_mut().for_each(|s| s.begin(STEP));
         Ok(Self {
@@ -59,9 +63,11 @@ impl Player {
             input: vec![0.0; reading.n_inputs()],
             mind: Mind::new(&model.encoder, &model.params),
             affine: vec![[0.0; 12]; GROUP * reading.n_bones()],
-            codes: vec![0.0; GROUP * blocks.n_codes],
+            mixed: vec![0.0; n_codes],
+            codes: vec![0.0; GROUP * n_codes],
             room: Room::new(&blocks, reading.n_bones()),
-            twos: vec![[0; 2]; blocks.n_twos()],
+            mixing: Mixing::new(&blocks.shapes),
+            backwards: false,
             lie: vec![[Vec3A::ZERO; 2]; blocks.n_verts],
             reading,
             blocks: Arc::new(blocks),
@@ -143,11 +149,13 @@ impl Player {
     ) {
         assert_eq!(out.len(), self.n_verts(), "one entry per vertex");
         self.read(pose, 0);
+        self.backwards = !self.backwards;
         steps::fastest(One {
             blocks: &self.blocks,
-            codes: &self.codes[..self.blocks.n_codes],
+            codes: &self.codes[..self.mixed.len()],
             bones: &self.affine[..self.reading.n_bones()],
-            twos: &mut self.twos,
+            mixing: &mut self.mixing,
+            backwards: self.backwards,
             out,
             normals: normals.map(|n| (&mut self.lie[..], n)),
         });
@@ -228,7 +236,7 @@ impl Player {
     fn group(&mut self, slots: usize, out: &mut [[f32; 3]], normals: Option<&mut [[f32; 3]]>) {
         steps::fastest(Group {
             blocks: &self.blocks,
-            codes: &self.codes[..slots * self.blocks.n_codes],
+            codes: &self.codes[..slots * self.mixed.len()],
             bones: &self.affine[..slots * self.reading.n_bones()],
             room: &mut self.room,
             out,
@@ -246,18 +254,16 @@ impl Player {
 
     #[inline(always)]
     fn encode<S: Simd>(&mut self, on: S, slot: usize) {
-        let n = self.blocks.n_codes;
-        let own = &mut self.codes[slot * n..(slot + 1) * n];
         let codes = self.mind.codes(on, &self.input);
-        let (posed, swung) = own.split_at_mut(codes.len());
+        let (posed, swung) = self.mixed.split_at_mut(codes.len());
         posed.copy_from_slice(codes);
         if let Some(swing) = &mut self.swing {
             let m = self.reading.n_bones();
             swing.codes(on, (codes, &self.affine[slot * m..(slot + 1) * m]), swung);
         }
-        for (code, worth) in own.iter_mut().zip(&self.blocks.by_code) {
-            *code *= worth;
-        }
+        let n = self.mixed.len();
+        let own = &mut self.codes[slot * n..(slot + 1) * n];
+        self.blocks.shapes.place(|c| self.mixed[c], own);
     }
 }
 

@@ -25,7 +25,8 @@ pub struct Build {
     /// `male`, `female`, or from 0 (male) to 1 (female) on the body's own scale.
     #[arg(long, value_parser = gender, allow_negative_numbers = true)]
     pub gender: Option<f64>,
-    /// What the garments' label says, whoever wears them: XS, S, M, L, XL or XXL (EN 13402-3, by the chest)
+    /// What the garments' label says, whoever wears them: XS, S, M, L, XL or XXL (EN 13402-3, by the chest,
+    /// with the waist and the hip that belong to it)
     /// [default: made to measure; on our own body a garment of a file has the size of its file].
     #[arg(long, value_parser = Size::parse)]
     pub size: Option<Size>,

@@ -88,9 +88,10 @@ impl Class {
         }
         let piece = &outfit.pieces[0];
         let (fabrics, noise) = (variety::fabrics(), &mut Noise::new(options.seed ^ 0xc1a5));
-        let lessons = match options.any_fabric || options.any_shape || options.any_size {
-            true => variety::LESSONS,
-            false => 1,
+        let lessons = match (options.any_shape || options.any_size, options.any_fabric) {
+            (true, _) => variety::WEARERS,
+            (false, true) => variety::FABRICS,
+            (false, false) => 1,
         };
         let own = asked_shape(avatar, &options.dress)?;
         let mut wear = vec![(figure.clone(), piece.fabric.clone(), outfit.cut_for.clone())];

@@ -4,10 +4,11 @@ use muslin_body::Shape;
 use muslin_garment::Fabric;
 use muslin_net::learn::Noise;
 
-use crate::size::{CutFor, Wearer, reach};
+use crate::size::{CutFor, Wearer};
 
-/// Wearers and fabrics in all, where anything may vary.
-pub(super) const LESSONS: usize = 32;
+/// Fabrics in all, where these may vary; and wearers, each in a fabric, where these may.
+pub(super) const FABRICS: usize = 32;
+pub(super) const WEARERS: usize = 96;
 
 /// One in so many lessons has a fabric of the list itself.
 const BETWEEN: usize = 3;
@@ -20,6 +21,9 @@ const AGES: (f64, f64) = (muslin_body::ADULT, 0.95);
 /// How much heavier than the wearer those are whom sizes are cut for: a size too small to several too
 /// large.
 const STOUTER: (f64, f64) = (0.88, 2.0);
+/// How far the girths of those go either way beside that, as a share of a slider's way: labels and bodies differ in
+/// chest, waist and hip, each by itself.
+const OTHERWISE: f64 = 0.6;
 
 /// Any adult shape.
 pub(super) fn any_shape(noise: &mut Noise) -> Shape {
@@ -35,9 +39,10 @@ pub(super) fn any_shape(noise: &mut Noise) -> Shape {
 pub(super) fn any_cut(who: Wearer<'_>, noise: &mut Noise) -> CutFor {
     // Half of them within a fifth of the wearer.
     let share = STOUTER.0 + (STOUTER.1 - STOUTER.0) * noise.unit().powi(2);
-    let other = reach(|kg| who.weighing(kg).map(|_| ())).and_then(|[least, most]| {
+    let pushed = [0; 3].map(|_| OTHERWISE * (2.0 * noise.unit() - 1.0));
+    let other = who.reach().and_then(|[least, most]| {
         let kg = (share * who.mass()?).clamp(least, most);
-        who.weighing(kg)
+        who.built(kg, pushed)
     });
     // The least of bodies are out of reach if they are to be stouter and as tall: made to measure.
     CutFor::new(who, None, other.unwrap_or_else(|_| who.figure.clone()))
@@ -86,14 +91,14 @@ mod tests {
         let fabrics = fabrics();
         for seed in [1, 2] {
             let noise = &mut Noise::new(seed);
-            let taught: Vec<Fabric> = (1..LESSONS)
+            let taught: Vec<Fabric> = (1..FABRICS)
                 .map(|k| lesson_fabric(&fabrics, k, noise))
                 .collect();
             for fabric in &fabrics {
                 assert!(taught.contains(fabric), "{}", fabric.name);
             }
             let between = taught.iter().filter(|f| !fabrics.contains(f)).count();
-            assert!(between > LESSONS / 2, "{between}");
+            assert!(between > FABRICS / 2, "{between}");
         }
     }
 
