@@ -5,8 +5,7 @@ use pulp::Simd;
 
 use crate::Model;
 use crate::blocks::{Blocks, WIDE, Wide};
-use crate::shapes::Mixing;
-use crate::steps::{self, Job, Sums};
+use crate::steps::{self, Coder, Job, Sums, Two};
 
 /// A bone: the columns of its matrix and its translation.
 pub(crate) type Affine = [f32; 12];
@@ -17,11 +16,11 @@ pub(crate) type Placed = [Vec3A; 2];
 /// One frame.
 pub(crate) struct One<'a> {
     pub blocks: &'a Blocks,
-    /// Codes at their places.
+    /// Codes, each times what a step of it is worth.
     pub codes: &'a [f32],
     pub bones: &'a [Affine],
     /// Room for the codes in steps.
-    pub mixing: &'a mut Mixing,
+    pub twos: &'a mut [Two],
     /// Whether the last block comes first: what was read last is still near.
     pub backwards: bool,
     pub out: &'a mut [[f32; 3]],
@@ -33,15 +32,15 @@ impl Job for One<'_> {
     #[inline(always)]
     fn run<S: Simd, M: Sums>(self, on: S, sums: M) {
         let b = self.blocks;
-        self.mixing.begin(sums, &b.shapes, self.codes);
+        let worth = coded(b, self.codes, self.twos);
         let mut normals = self.normals;
-        let n = b.base.len();
-        for k in 0..n {
-            let block = if self.backwards { n - 1 - k } else { k };
-            let moved = Moved::of(sums, (b, block), self.mixing);
+        for k in 0..b.base.len() {
+            let block = b.turn(k, self.backwards);
+            let sum = mixed(sums, (b, block), self.twos);
+            let worth = worth * b.by_block[block];
             let mut x = [Wide::default(); 3];
             for r in 0..WIDE / S::F32_LANES {
-                let (at, _) = skinned(on, (b, block, r), &moved, self.bones);
+                let (at, _) = skinned(on, (b, block, r), (&sum, worth), self.bones);
                 (0..3).for_each(|axis| set::<S>(&mut x[axis], r, at[axis]));
             }
             put(b, block, &x, self.out);
@@ -77,11 +76,11 @@ fn turn(b: &Blocks, room: &mut [Placed], out: &mut [[f32; 3]]) {
 /// One frame of points: where each of them is carried [m], and how what is around it is turned.
 struct Turned<'a> {
     blocks: &'a Blocks,
-    /// Codes at their places.
+    /// Codes, each times what a step of it is worth.
     codes: &'a [f32],
     bones: &'a [Affine],
     /// Room for the codes in steps.
-    mixing: &'a mut Mixing,
+    twos: &'a mut [Two],
     out: &'a mut [(Vec3A, Mat3A)],
 }
 
@@ -89,13 +88,14 @@ impl Job for Turned<'_> {
     #[inline(always)]
     fn run<S: Simd, M: Sums>(self, on: S, sums: M) {
         let b = self.blocks;
-        self.mixing.begin(sums, &b.shapes, self.codes);
+        let worth = coded(b, self.codes, self.twos);
         for block in 0..b.base.len() {
-            let moved = Moved::of(sums, (b, block), self.mixing);
+            let sum = mixed(sums, (b, block), self.twos);
+            let worth = worth * b.by_block[block];
             // The columns of its turn, and where it is.
             let mut all = [Wide::default(); 12];
             for r in 0..WIDE / S::F32_LANES {
-                let (x, m) = skinned(on, (b, block, r), &moved, self.bones);
+                let (x, m) = skinned(on, (b, block, r), (&sum, worth), self.bones);
                 (0..9).for_each(|k| set::<S>(&mut all[k], r, m[k]));
                 (0..3).for_each(|k| set::<S>(&mut all[9 + k], r, x[k]));
             }
@@ -114,29 +114,36 @@ impl Job for Turned<'_> {
 pub(crate) struct Points {
     blocks: Blocks,
     codes: Vec<f32>,
-    mixing: Mixing,
+    twos: Vec<Two>,
 }
 
 impl Points {
     /// The vertices of a model that does not swing.
     pub fn of(model: &Model) -> Self {
-        let blocks = Blocks::new(model, true);
+        let blocks = Blocks::new(model);
         Self {
-            codes: vec![0.0; blocks.shapes.n_codes()],
-            mixing: Mixing::new(&blocks.shapes),
+            codes: vec![0.0; blocks.n_codes],
+            twos: vec![[0; 2]; blocks.n_twos()],
             blocks,
         }
+    }
+
+    /// Takes what a pose mixes shapes by.
+    #[inline(always)]
+    fn mix(&mut self, z: &[f32]) {
+        let worths = z.iter().zip(&self.blocks.by_code);
+        (self.codes.iter_mut().zip(worths)).for_each(|(to, (z, worth))| *to = z * worth);
     }
 
     /// Where they are [m] in a pose that mixes shapes by `z`.
     #[inline(always)]
     pub fn laid(&mut self, (z, bones): (&[f32], &[Affine]), out: &mut [[f32; 3]]) {
-        self.blocks.shapes.place(|c| z[c], &mut self.codes);
+        self.mix(z);
         steps::fastest(One {
             blocks: &self.blocks,
             codes: &self.codes,
             bones,
-            mixing: &mut self.mixing,
+            twos: &mut self.twos,
             backwards: false,
             out,
             normals: None,
@@ -146,34 +153,38 @@ impl Points {
     /// [`Points::laid`], and how what is around them is turned.
     #[inline(always)]
     pub fn turned(&mut self, (z, bones): (&[f32], &[Affine]), out: &mut [(Vec3A, Mat3A)]) {
-        self.blocks.shapes.place(|c| z[c], &mut self.codes);
+        self.mix(z);
         steps::fastest(Turned {
             blocks: &self.blocks,
             codes: &self.codes,
             bones,
-            mixing: &mut self.mixing,
+            twos: &mut self.twos,
             out,
         });
     }
 }
 
-/// How a block is corrected: by its middle [m], by steps beside that, and what one is worth [m].
-struct Moved {
-    middle: [f32; 3],
-    beside: [Wide; 3],
-    worth: f32,
+/// Codes in steps; what a step is worth.
+#[inline(always)]
+fn coded(b: &Blocks, codes: &[f32], twos: &mut [Two]) -> f32 {
+    let coder = Coder::of(codes, b.most);
+    let steps = twos.iter_mut().zip(coder.twos(codes));
+    steps.for_each(|(to, z)| *to = z);
+    coder.worth
 }
 
-impl Moved {
-    #[inline(always)]
-    fn of<M: Sums>(sums: M, (b, block): (&Blocks, usize), mixing: &mut Mixing) -> Self {
-        let (middle, [x, y, z], worth) = mixing.block(sums, (&b.shapes, block));
-        Self {
-            middle,
-            beside: [Wide(x), Wide(y), Wide(z)],
-            worth,
+/// What codes make of a block's shapes, in steps.
+#[inline(always)]
+fn mixed<M: Sums>(sums: M, (b, block): (&Blocks, usize), twos: &[Two]) -> [Wide; 3] {
+    let mut sum = [sums.none(); 3];
+    for (row, two) in b.rows(block).iter().zip(twos) {
+        let two = sums.alike(*two);
+        for axis in 0..3 {
+            sum[axis] = sums.plus(sum[axis], sums.row(&row[axis]), two);
         }
     }
+    let floats = |axis: usize| Wide(sums.floats(sum[axis]));
+    [floats(0), floats(1), floats(2)]
 }
 
 /// Register `r` of a block, corrected and carried by the bones, and the mean of their matrices.
@@ -181,16 +192,15 @@ impl Moved {
 fn skinned<S: Simd>(
     on: S,
     (b, block, r): (&Blocks, usize, usize),
-    moved: &Moved,
+    (sum, worth): (&[Wide; 3], f32),
     bones: &[Affine],
 ) -> ([S::f32s; 3], [S::f32s; 12]) {
     let span = b.starts[block] as usize..b.starts[block + 1] as usize;
     let (weights, own) = (&b.weights[span.clone()], &b.bones[span]);
-    let worth = on.splat_f32s(moved.worth);
+    let worth = on.splat_f32s(worth);
     let rest = |axis: usize| {
-        let middle = on.splat_f32s(moved.middle[axis]);
-        let base = on.add_f32s(at::<S>(&b.base[block][axis], r), middle);
-        on.mul_add_e_f32s(at::<S>(&moved.beside[axis], r), worth, base)
+        let (sum, base) = (at::<S>(&sum[axis], r), at::<S>(&b.base[block][axis], r));
+        on.mul_add_e_f32s(sum, worth, base)
     };
     let p = [rest(0), rest(1), rest(2)];
     let mut m = [on.splat_f32s(0.0); 12];

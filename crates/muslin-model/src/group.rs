@@ -2,11 +2,10 @@
 
 use pulp::Simd;
 
-use crate::ahead::ask;
 use crate::blocks::{Blocks, WIDE, Wide};
 use crate::decode::{Affine, at, carried};
 use crate::fans::Fans;
-use crate::steps::{Job, Steps, Sums, Two, opened};
+use crate::steps::{Coder, Job, Steps, Sums, Two};
 
 /// Frames in a group.
 pub(crate) const GROUP: usize = WIDE;
@@ -14,38 +13,25 @@ pub(crate) const GROUP: usize = WIDE;
 /// Room for a group of frames.
 #[derive(Clone, Debug)]
 pub(crate) struct Room {
-    /// Codes of a frame's middles.
-    led: Vec<f32>,
-    /// Two codes of each frame in steps: for the middles, then those of a block.
+    /// Two codes of each frame.
     twos: Vec<Steps>,
-    /// Codes of each frame in its steps, to be shared out, by code.
-    scaled: Vec<Wide>,
-    /// What a step of each frame's codes is worth, for the middles and beside them.
-    worth: [Wide; 2],
-    /// Shapes of a block that are kept in 8 bits.
-    opened: Vec<[Steps; 3]>,
-    /// Middles of each block [m].
-    middles: Vec<[Wide; 3]>,
+    /// What a step of each frame's codes is worth.
+    worth: Wide,
     /// Entries of each bone's matrix.
     bones: Vec<[Wide; 12]>,
     /// Where the vertex at each place is.
     x: Vec<[Wide; 3]>,
     /// What is given of each vertex, in the order of the mesh.
     given: Vec<[Wide; 3]>,
-    /// Whether the last block comes first, in turn: what was read last is still near.
+    /// Whether blocks come from the last on, as they do every other time.
     backwards: bool,
 }
 
 impl Room {
     pub fn new(blocks: &Blocks, n_bones: usize) -> Self {
-        let n_twos = blocks.shapes.n_twos();
         Self {
-            led: vec![0.0; blocks.shapes.n_codes()],
-            twos: vec![Steps::default(); n_twos],
-            scaled: vec![Wide::default(); 2 * n_twos],
-            worth: [Wide::default(); 2],
-            opened: vec![[Steps::default(); 3]; n_twos],
-            middles: vec![[Wide::default(); 3]; blocks.base.len()],
+            twos: vec![Steps::default(); blocks.n_twos()],
+            worth: Wide::default(),
             bones: vec![[Wide::default(); 12]; n_bones],
             x: vec![[Wide::default(); 3]; blocks.n_verts],
             given: vec![[Wide::default(); 3]; blocks.n_verts],
@@ -57,7 +43,7 @@ impl Room {
 /// Frames one after the other in all of the lists, a group at most.
 pub(crate) struct Group<'a> {
     pub blocks: &'a Blocks,
-    /// Codes at their places.
+    /// Codes, each times what a step of it is worth.
     pub codes: &'a [f32],
     pub bones: &'a [Affine],
     pub room: &'a mut Room,
@@ -70,12 +56,17 @@ impl Job for Group<'_> {
     #[inline(always)]
     fn run<S: Simd, M: Sums>(mut self, on: S, sums: M) {
         self.gather();
-        // As many vertices together as registers hold sums of.
-        match S::F32_LANES == WIDE {
-            true => self.blocks::<S, M, 4>(on, sums),
-            false => self.blocks::<S, M, 2>(on, sums),
-        }
         let b = self.blocks;
+        self.room.backwards = !self.room.backwards;
+        for k in 0..b.base.len() {
+            let block = b.turn(k, self.room.backwards);
+            // As many vertices together as registers hold sums of.
+            if S::F32_LANES == WIDE {
+                self.block::<S, M, 4>(on, sums, block);
+            } else {
+                self.block::<S, M, 2>(on, sums, block);
+            }
+        }
         let Room { x, given, .. } = self.room;
         spread(sums, given, self.out);
         if let Some(out) = self.normals {
@@ -91,18 +82,14 @@ impl Group<'_> {
     /// Codes and bones, frame beside frame.
     #[inline(always)]
     fn gather(&mut self) {
-        let shapes = &self.blocks.shapes;
+        let n_codes = self.blocks.n_codes;
         let room = &mut *self.room;
-        room.worth = [Wide::default(); 2];
-        for (f, codes) in self.codes.chunks_exact(shapes.n_codes().max(1)).enumerate() {
-            let [middle, beside] = shapes.coders(codes, &mut room.led);
-            (room.worth[0].0[f], room.worth[1].0[f]) = (middle.worth, beside.worth);
-            for (to, z) in room.twos.iter_mut().zip(middle.twos(&room.led)) {
-                to.0[f] = z;
-            }
-            for (to, z) in room.scaled.iter_mut().zip(codes) {
-                to.0[f] = z * beside.per;
-            }
+        room.worth = Wide::default();
+        for (f, codes) in self.codes.chunks_exact(n_codes.max(1)).enumerate() {
+            let coder = Coder::of(codes, self.blocks.most);
+            room.worth.0[f] = coder.worth;
+            let twos = room.twos.iter_mut().zip(coder.twos(codes));
+            twos.for_each(|(to, z)| to.0[f] = z);
         }
         let n_bones = room.bones.len();
         for (f, bones) in self.bones.chunks_exact(n_bones.max(1)).enumerate() {
@@ -112,68 +99,12 @@ impl Group<'_> {
         }
     }
 
-    /// All blocks, `K` vertices at a time.
+    /// A block of vertices into all frames, a few at a time.
     #[inline(always)]
-    fn blocks<S: Simd, M: Sums, const K: usize>(&mut self, on: S, sums: M) {
-        let n = self.blocks.base.len();
-        for lot in 0..n.div_ceil(WIDE) {
-            self.middles::<M, K>(sums, lot);
-        }
-        self.room.backwards = !self.room.backwards;
-        let backwards = self.room.backwards;
-        let turn = |k: usize| if backwards { n - 1 - k } else { k };
-        for k in 0..n {
-            let block = turn(k);
-            self.share(sums, block);
-            let next = (k + 1 < n).then(|| self.blocks.shapes.beside(turn(k + 1)));
-            for first in (0..WIDE).step_by(K) {
-                if let Some((fine, coarse)) = next {
-                    let part = |n: usize| first * n / WIDE..(first + K) * n / WIDE;
-                    ask(&fine[part(fine.len())]);
-                    ask(&coarse[part(coarse.len())]);
-                }
-                if WIDE * block + first < self.blocks.n_verts {
-                    self.few::<S, M, K>(on, sums, (block, first));
-                }
-            }
-        }
-    }
-
-    /// The middles of a lot of blocks, in all frames.
-    #[inline(always)]
-    fn middles<M: Sums, const K: usize>(&mut self, sums: M, lot: usize) {
-        let (rows, by_lot) = self.blocks.shapes.middles(lot);
-        let room = &mut *self.room;
+    fn block<S: Simd, M: Sums, const K: usize>(&mut self, on: S, sums: M, block: usize) {
         for first in (0..WIDE).step_by(K) {
-            let mut sum = [[sums.none(); 3]; K];
-            add::<M, K>(sums, (rows, &room.twos), first, &mut sum);
-            let own = room.middles[WIDE * lot..].iter_mut().take(WIDE).skip(first);
-            for (to, sum) in own.zip(sum) {
-                for axis in 0..3 {
-                    to[axis] = Wide(sums.floats(sum[axis]));
-                    for (x, worth) in to[axis].0.iter_mut().zip(&room.worth[0].0) {
-                        *x *= worth * by_lot;
-                    }
-                }
-            }
-        }
-    }
-
-    /// Codes in the steps of a block, and its shapes in 16 bits.
-    #[inline(always)]
-    fn share<M: Sums>(&mut self, sums: M, block: usize) {
-        let shapes = &self.blocks.shapes;
-        let room = &mut *self.room;
-        let shares = shapes.shares(block).as_flattened().as_chunks::<2>().0;
-        let codes = room.scaled.as_chunks::<2>().0;
-        for ((to, codes), shares) in room.twos.iter_mut().zip(codes).zip(shares) {
-            let per = [opened(shares[0]), opened(shares[1])];
-            *to = sums.whole([&codes[0].0, &codes[1].0], per);
-        }
-        let (_, coarse) = shapes.beside(block);
-        for (to, row) in room.opened.iter_mut().zip(coarse) {
-            for axis in 0..3 {
-                to[axis] = sums.kept(sums.bytes(&row[axis]));
+            if WIDE * block + first < self.blocks.n_verts {
+                self.few::<S, M, K>(on, sums, (block, first));
             }
         }
     }
@@ -187,11 +118,15 @@ impl Group<'_> {
     ) {
         let b = self.blocks;
         let mut sum = [[sums.none(); 3]; K];
-        let (fine, coarse) = b.shapes.beside(block);
-        let (twos, rest) = self.room.twos.split_at(fine.len());
-        add::<M, K>(sums, (fine, twos), first, &mut sum);
-        let opened = &self.room.opened[..coarse.len()];
-        add::<M, K>(sums, (opened, rest), first, &mut sum);
+        for (row, codes) in b.rows(block).iter().zip(&self.room.twos) {
+            let codes = sums.row(codes);
+            for (k, sum) in sum.iter_mut().enumerate() {
+                for axis in 0..3 {
+                    let shape: Two = row[axis].0[first + k];
+                    sum[axis] = sums.plus(sum[axis], sums.alike(shape), codes);
+                }
+            }
+        }
         for (k, sum) in sum.into_iter().enumerate() {
             let place = WIDE * block + first + k;
             if place < b.n_verts {
@@ -209,10 +144,9 @@ impl Group<'_> {
         let own = &b.followed[b.follows[place] as usize..b.follows[place + 1] as usize];
         let mut out = [Wide::default(); 3];
         for r in 0..GROUP / S::F32_LANES {
-            let worth = at::<S>(&room.worth[1], r);
+            let worth = on.mul_f32s(at::<S>(&room.worth, r), on.splat_f32s(b.by_block[block]));
             let rest = |axis: usize| {
                 let base = on.splat_f32s(b.base[block][axis].0[i]);
-                let base = on.add_f32s(base, at::<S>(&room.middles[block][axis], r));
                 on.mul_add_e_f32s(at::<S>(&sum[axis], r), worth, base)
             };
             let p = [rest(0), rest(1), rest(2)];
@@ -232,25 +166,6 @@ impl Group<'_> {
             room.x[place] = out;
         }
         room.given[b.order[place] as usize] = out;
-    }
-}
-
-/// Adds what codes make of some of the vertices of a block, from `first` on, in all frames.
-#[inline(always)]
-fn add<M: Sums, const K: usize>(
-    sums: M,
-    (rows, twos): (&[[Steps; 3]], &[Steps]),
-    first: usize,
-    sum: &mut [[M::Sum; 3]; K],
-) {
-    for (row, codes) in rows.iter().zip(twos) {
-        let codes = sums.row(codes);
-        for (k, sum) in sum.iter_mut().enumerate() {
-            for axis in 0..3 {
-                let shape: Two = row[axis].0[first + k];
-                sum[axis] = sums.plus(sum[axis], sums.alike(shape), codes);
-            }
-        }
     }
 }
 

@@ -9,7 +9,6 @@
 //! is an [`Encoder`]: our own, or one of the published systems', some of which remember the poses
 //! before. Cloth in motion swings about what the pose tells, as its [`Sway`] says.
 
-mod ahead;
 mod blocks;
 mod crowd;
 #[cfg(feature = "cuda")]
@@ -29,7 +28,6 @@ mod packed;
 mod player;
 mod reading;
 mod resizer;
-mod shapes;
 mod steps;
 mod stored;
 mod stream;

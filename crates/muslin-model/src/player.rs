@@ -11,8 +11,7 @@ use crate::decode::{Affine, One, Placed};
 use crate::group::{GROUP, Group, Room};
 use crate::mind::Mind;
 use crate::reading::Reading;
-use crate::shapes::Mixing;
-use crate::steps::{self, Job, Sums};
+use crate::steps::{self, Job, Sums, Two};
 use crate::swing::{Past, Swing};
 use crate::{Model, ModelError};
 
@@ -31,13 +30,13 @@ pub struct Player {
     blocks: Arc<Blocks>,
     /// What the network is told.
     input: Vec<f32>,
-    /// Codes of a frame, and those and bones of a group, codes at their places.
-    mixed: Vec<f32>,
+    /// Codes and bones of a group.
     codes: Vec<f32>,
     affine: Vec<Affine>,
     room: Room,
-    /// Codes of a frame in steps, whether its blocks come in turn from the last on, and room for its normals.
-    mixing: Mixing,
+    /// Codes of a frame in steps, and room for its normals.
+    twos: Vec<Two>,
+    /// Whether its blocks come from the last on: what was read last for the frame before is still near.
     backwards: bool,
     lie: Vec<Placed>,
 }
@@ -54,8 +53,7 @@ impl Player {
     /// Prepares `model` for bodies of this avatar.
     pub fn new(model: &Model, avatar: &Avatar) -> Result<Self, ModelError> {
         let reading = Reading::new(model, avatar)?;
-        let blocks = Blocks::new(model, false);
-        let n_codes = blocks.shapes.n_codes();
+        let blocks = Blocks::new(model);
         let mut swing = Swing::new(model);
         swing.iter_mut().for_each(|s| s.begin(STEP));
         Ok(Self {
@@ -63,10 +61,9 @@ impl Player {
             input: vec![0.0; reading.n_inputs()],
             mind: Mind::new(&model.encoder, &model.params),
             affine: vec![[0.0; 12]; GROUP * reading.n_bones()],
-            mixed: vec![0.0; n_codes],
-            codes: vec![0.0; GROUP * n_codes],
+            codes: vec![0.0; GROUP * blocks.n_codes],
             room: Room::new(&blocks, reading.n_bones()),
-            mixing: Mixing::new(&blocks.shapes),
+            twos: vec![[0; 2]; blocks.n_twos()],
             backwards: false,
             lie: vec![[Vec3A::ZERO; 2]; blocks.n_verts],
             reading,
@@ -152,9 +149,9 @@ impl Player {
         self.backwards = !self.backwards;
         steps::fastest(One {
             blocks: &self.blocks,
-            codes: &self.codes[..self.mixed.len()],
+            codes: &self.codes[..self.blocks.n_codes],
             bones: &self.affine[..self.reading.n_bones()],
-            mixing: &mut self.mixing,
+            twos: &mut self.twos,
             backwards: self.backwards,
             out,
             normals: normals.map(|n| (&mut self.lie[..], n)),
@@ -236,7 +233,7 @@ impl Player {
     fn group(&mut self, slots: usize, out: &mut [[f32; 3]], normals: Option<&mut [[f32; 3]]>) {
         steps::fastest(Group {
             blocks: &self.blocks,
-            codes: &self.codes[..slots * self.mixed.len()],
+            codes: &self.codes[..slots * self.blocks.n_codes],
             bones: &self.affine[..slots * self.reading.n_bones()],
             room: &mut self.room,
             out,
@@ -254,16 +251,18 @@ impl Player {
 
     #[inline(always)]
     fn encode<S: Simd>(&mut self, on: S, slot: usize) {
+        let n = self.blocks.n_codes;
+        let own = &mut self.codes[slot * n..(slot + 1) * n];
         let codes = self.mind.codes(on, &self.input);
-        let (posed, swung) = self.mixed.split_at_mut(codes.len());
+        let (posed, swung) = own.split_at_mut(codes.len());
         posed.copy_from_slice(codes);
         if let Some(swing) = &mut self.swing {
             let m = self.reading.n_bones();
             swing.codes(on, (codes, &self.affine[slot * m..(slot + 1) * m]), swung);
         }
-        let n = self.mixed.len();
-        let own = &mut self.codes[slot * n..(slot + 1) * n];
-        self.blocks.shapes.place(|c| self.mixed[c], own);
+        for (code, worth) in own.iter_mut().zip(&self.blocks.by_code) {
+            *code *= worth;
+        }
     }
 }
 

@@ -1,5 +1,5 @@
-//! Whole numbers in place of fractions: learnt shapes in steps of 16 and 8 bits, codes in 16-bit steps, and their
-//! products summed in 32 bits without rounding, two codes in one instruction.
+//! Whole numbers in place of fractions: learnt shapes in 16-bit steps, codes in 16-bit steps, and their products
+//! summed in 32 bits without rounding, two codes in one instruction.
 
 use pulp::{Simd, WithSimd};
 
@@ -12,31 +12,6 @@ pub(crate) type Two = [i16; 2];
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(align(64))]
 pub(crate) struct Steps(pub [Two; WIDE]);
-
-/// The same where steps are small.
-#[derive(Clone, Copy, Debug, Default)]
-#[repr(align(32))]
-pub(crate) struct Bytes(pub [[i8; 2]; WIDE]);
-
-/// The upper half of a float from 0 to 1, rounded up.
-pub(crate) fn upper_half(x: f32) -> u16 {
-    x.to_bits().div_ceil(1 << 16) as u16
-}
-
-/// A float of such a half.
-#[inline(always)]
-pub(crate) fn opened(half: u16) -> f32 {
-    f32::from_bits(u32::from(half) << 16)
-}
-
-/// Added to a small number, leaves it rounded in the lowest bits.
-const ROUND: f32 = 12_582_912.0;
-
-/// A code in whole steps, of which there are so many in one.
-#[inline(always)]
-fn whole(code: f32, per: f32) -> i16 {
-    (code * per + ROUND).to_bits() as i16
-}
 
 /// The largest step of shapes that so many codes mix. With codes that a [`Coder`] for it makes, no sum leaves 32 bits;
 /// where codes are alike and shapes a third of their largest at most places, as much is lost of these as of those.
@@ -52,25 +27,20 @@ const NOTHING: f32 = 1e-20;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Coder {
     /// Steps in one of a code.
-    pub per: f32,
+    per: f32,
     /// What a step is worth.
     pub worth: f32,
 }
 
 impl Coder {
-    /// For the codes of one frame and shapes of so many steps at most: of both lots. Where a code is not finite,
-    /// nothing of the frame is.
+    /// For the codes of one frame and shapes of so many steps at `most`. Where a code is not finite, nothing of the
+    /// frame is.
     #[inline(always)]
-    pub fn of(lots: [(&[f32], i16); 2]) -> Self {
-        let (mut sum, mut largest, mut rounding) = (0.0f32, 0.0f32, 0.0f32);
-        for (codes, most) in lots {
-            let mut own = 0.0f32;
-            for z in codes {
-                own += z.abs();
-                largest = largest.max(z.abs());
-            }
-            sum += f32::from(most) * own;
-            rounding += 0.5 * f32::from(most) * codes.len() as f32;
+    pub fn of(codes: &[f32], most: i16) -> Self {
+        let (mut sum, mut largest) = (0.0f32, 0.0f32);
+        for z in codes {
+            sum += z.abs();
+            largest = largest.max(z.abs());
         }
         if sum < NOTHING || !sum.is_finite() {
             return Self {
@@ -79,8 +49,8 @@ impl Coder {
             };
         }
         // Half a step of each code may be lost to rounding, and the sum of sizes itself is rounded.
-        let all = i32::MAX as f32 * 0.999;
-        let per = ((all - rounding) / sum).min(f32::from(i16::MAX) / largest);
+        let all = (f64::from(i32::MAX) / f64::from(most)) as f32 * 0.999;
+        let per = ((all - 0.5 * codes.len() as f32) / sum).min(f32::from(i16::MAX) / largest);
         Self {
             per,
             worth: 1.0 / per,
@@ -111,20 +81,10 @@ pub(crate) trait Sums: Copy {
     fn none(self) -> Self::Sum;
     /// From memory.
     fn row(self, steps: &Steps) -> Self::Row;
-    /// From memory, where they are small.
-    fn bytes(self, steps: &Bytes) -> Self::Row;
-    /// To memory.
-    fn kept(self, row: Self::Row) -> Steps;
-    /// Two codes of sixteen frames in whole steps, of which there are so many in one.
-    fn whole(self, codes: [&[f32; WIDE]; 2], per: [f32; 2]) -> Steps;
-    /// Sixteen codes in whole steps, of which there are so many in one: upper halves of floats.
-    fn each_whole(self, codes: &[f32; WIDE], per: &[u16; WIDE]) -> [i16; WIDE];
     /// The same two steps sixteen times.
     fn alike(self, two: Two) -> Self::Row;
     /// Each sum and the products of its two steps.
     fn plus(self, sum: Self::Sum, a: Self::Row, b: Self::Row) -> Self::Sum;
-    /// Two lots of sums as one.
-    fn both(self, a: Self::Sum, b: Self::Sum) -> Self::Sum;
     /// As floats.
     fn floats(self, sum: Self::Sum) -> [f32; WIDE];
     /// Rows for columns.
@@ -153,28 +113,6 @@ impl Sums for Plain {
     }
 
     #[inline(always)]
-    fn bytes(self, steps: &Bytes) -> Self::Row {
-        steps.0.map(|two| two.map(i16::from))
-    }
-
-    #[inline(always)]
-    fn kept(self, row: Self::Row) -> Steps {
-        Steps(row)
-    }
-
-    #[inline(always)]
-    fn whole(self, codes: [&[f32; WIDE]; 2], per: [f32; 2]) -> Steps {
-        Steps(std::array::from_fn(|f| {
-            [whole(codes[0][f], per[0]), whole(codes[1][f], per[1])]
-        }))
-    }
-
-    #[inline(always)]
-    fn each_whole(self, codes: &[f32; WIDE], per: &[u16; WIDE]) -> [i16; WIDE] {
-        std::array::from_fn(|i| whole(codes[i], opened(per[i])))
-    }
-
-    #[inline(always)]
     fn alike(self, two: Two) -> Self::Row {
         [two; WIDE]
     }
@@ -186,11 +124,6 @@ impl Sums for Plain {
             *sum += p + q;
         }
         sum
-    }
-
-    #[inline(always)]
-    fn both(self, a: Self::Sum, b: Self::Sum) -> Self::Sum {
-        std::array::from_fn(|i| a[i] + b[i])
     }
 
     #[inline(always)]
@@ -209,9 +142,9 @@ mod x86 {
     use std::arch::x86_64::__m256;
 
     use pulp::x86::{V3, V4};
-    use pulp::{Simd, WithSimd, cast, f32x8, f32x16, i16x16, i16x32, i32x8, i32x16, u32x8, u32x16};
+    use pulp::{Simd, WithSimd, cast, i16x16, i16x32, i32x8, i32x16};
 
-    use super::{Bytes, Job, ROUND, Square, Steps, Sums, Two, WIDE, With, opened, whole};
+    use super::{Job, Square, Steps, Sums, Two, WIDE, With};
 
     pulp::simd_type! {
         /// [`V4`] on processors that multiply pairs of steps and add them to a sum in one instruction (`vpdpwssd`): the
@@ -262,36 +195,6 @@ mod x86 {
         }
 
         #[inline(always)]
-        fn bytes(self, steps: &Bytes) -> i16x32 {
-            self.convert_i8x32_to_i16x32(cast(steps.0))
-        }
-
-        #[inline(always)]
-        fn kept(self, row: i16x32) -> Steps {
-            Steps(cast(row))
-        }
-
-        #[inline(always)]
-        fn whole(self, codes: [&[f32; WIDE]; 2], per: [f32; 2]) -> Steps {
-            let one = |k: usize| -> u32x16 {
-                let x: f32x16 = self.mul_f32s(cast(*codes[k]), self.splat_f32s(per[k]));
-                cast(self.add_f32s(x, self.splat_f32s(ROUND)))
-            };
-            let low = self.and_u32s(one(0), self.splat_u32s(0xffff));
-            let both = self.or_u32s(low, self.shl_const_u32x16::<16>(one(1)));
-            Steps(cast(both))
-        }
-
-        #[inline(always)]
-        fn each_whole(self, codes: &[f32; WIDE], per: &[u16; WIDE]) -> [i16; WIDE] {
-            let halves = self.convert_u16x16_to_u32x16(cast(*per));
-            let per: f32x16 = cast(self.shl_const_u32x16::<16>(halves));
-            let x = self.mul_f32s(cast(*codes), per);
-            let rounded: i32x16 = cast(self.add_f32s(x, self.splat_f32s(ROUND)));
-            cast(self.convert_i32x16_to_i16x16(rounded))
-        }
-
-        #[inline(always)]
         fn alike(self, two: Two) -> i16x32 {
             cast(self.splat_i32x16(one(two)))
         }
@@ -300,11 +203,6 @@ mod x86 {
         fn plus(self, sum: i32x16, a: i16x32, b: i16x32) -> i32x16 {
             let both = self.multiply_wrapping_add_adjacent_i16x32(a, b);
             self.add_i32s(sum, both)
-        }
-
-        #[inline(always)]
-        fn both(self, a: i32x16, b: i32x16) -> i32x16 {
-            self.add_i32s(a, b)
         }
 
         #[inline(always)]
@@ -333,40 +231,6 @@ mod x86 {
         }
 
         #[inline(always)]
-        fn bytes(self, steps: &Bytes) -> [i16x16; 2] {
-            let [a, b]: [[[i8; 2]; 8]; 2] = cast(steps.0);
-            [a, b].map(|half| self.convert_i8x16_to_i16x16(cast(half)))
-        }
-
-        #[inline(always)]
-        fn kept(self, row: [i16x16; 2]) -> Steps {
-            Steps(cast(row))
-        }
-
-        #[inline(always)]
-        fn whole(self, codes: [&[f32; WIDE]; 2], per: [f32; 2]) -> Steps {
-            let halves: [[f32x8; 2]; 2] = [cast(*codes[0]), cast(*codes[1])];
-            let half = |h: usize| -> u32x8 {
-                let one = |k: usize| -> u32x8 {
-                    let x = self.mul_f32s(halves[k][h], self.splat_f32s(per[k]));
-                    cast(self.add_f32s(x, self.splat_f32s(ROUND)))
-                };
-                let low = self.and_u32s(one(0), self.splat_u32s(0xffff));
-                self.or_u32s(low, self.shl_const_u32x8::<16>(one(1)))
-            };
-            Steps(cast([half(0), half(1)]))
-        }
-
-        #[inline(always)]
-        fn each_whole(self, codes: &[f32; WIDE], per: &[u16; WIDE]) -> [i16; WIDE] {
-            let mut out = [0; WIDE];
-            for i in 0..WIDE {
-                out[i] = whole(codes[i], opened(per[i]));
-            }
-            out
-        }
-
-        #[inline(always)]
         fn alike(self, two: Two) -> [i16x16; 2] {
             [cast(self.splat_i32x8(one(two))); 2]
         }
@@ -378,11 +242,6 @@ mod x86 {
                 self.add_i32s(sum[0], both(0)),
                 self.add_i32s(sum[1], both(1)),
             ]
-        }
-
-        #[inline(always)]
-        fn both(self, a: [i32x8; 2], b: [i32x8; 2]) -> [i32x8; 2] {
-            [self.add_i32s(a[0], b[0]), self.add_i32s(a[1], b[1])]
         }
 
         #[inline(always)]
@@ -586,7 +445,7 @@ mod tests {
         ];
         for codes in sets {
             let most = most(codes.len());
-            let coder = Coder::of([(&codes[..1], most), (&codes[1..], most)]);
+            let coder = Coder::of(&codes, most);
             let total: i64 = codes.iter().map(|z| i64::from(coder.steps(*z)).abs()).sum();
             assert!(total * i64::from(most) <= i64::from(i32::MAX), "{total}");
             for z in &codes {
@@ -598,11 +457,11 @@ mod tests {
 
     #[test]
     fn codes_that_are_not_numbers_leave_none() {
-        assert!(Coder::of([(&[1.0], 9), (&[f32::NAN], 9)]).worth.is_nan());
-        assert!(Coder::of([(&[f32::INFINITY], 9), (&[], 0)]).worth.is_nan());
-        let nothing = Coder::of([(&[0.0; 4], 9), (&[], 0)]);
+        assert!(Coder::of(&[1.0, f32::NAN], 9).worth.is_nan());
+        assert!(Coder::of(&[f32::INFINITY], 9).worth.is_nan());
+        let nothing = Coder::of(&[0.0; 4], 9);
         assert_eq!((nothing.steps(0.0), nothing.worth), (0, 0.0));
-        let little = Coder::of([(&[1e-38; 4], 9), (&[], 0)]);
+        let little = Coder::of(&[1e-38; 4], 9);
         assert_eq!((little.steps(1e-38), little.worth), (0, 0.0));
     }
 }
