@@ -170,8 +170,16 @@ fn a_size_is_cut_for_others_than_the_wearer_and_says_how_much_wider_it_is() {
         (1.1..1.6).contains(&(larger / medium)),
         "{medium} {larger} m2"
     );
-    for (more, code, what) in [(["--size", "38"], 2, "XXL"), (["--size", "XS"], 3, "chest")] {
-        let done = wave(&folder.at("x.glb"), &more);
+    let none: [(&[&str], i32, &str); 2] = [
+        (&["--size", "38"], 2, "XXL"),
+        (
+            &["--size", "XS", "--height", "215", "--gender", "male"],
+            3,
+            "chest",
+        ),
+    ];
+    for (more, code, what) in none {
+        let done = wave(&folder.at("x.glb"), more);
         assert_eq!(done.status.code(), Some(code), "{}", errors(&done));
         assert!(errors(&done).contains(what), "{}", errors(&done));
     }
