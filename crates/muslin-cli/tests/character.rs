@@ -369,7 +369,7 @@ fn what_cannot_be_dressed_is_refused_in_words() {
     assert_eq!(done.status.code(), Some(2), "{}", errors(&done));
     assert!(errors(&done).contains("--shape"), "{}", errors(&done));
     let far = typed(&format!(
-        "simulate --body {} --height 260 --size XS -o {out}",
+        "simulate --body {} --height 230 --size XS -o {out}",
         character(&folder)
     ));
     assert_eq!(far.status.code(), Some(3), "{}", errors(&far));
