@@ -2,14 +2,14 @@
 
 use crate::shape::{HEIGHT, MUSCLE, WEIGHT};
 use crate::stature::span;
-use crate::{Avatar, BodyError, DENSITY, Shape};
+use crate::{Avatar, BodyError, DENSITY, GIRTHS, Shape};
 
 /// Sliders that make a body stouter than the phenotypes can.
 const STOUT: [&str; 6] = [
-    "measure-waist-circ",
-    "measure-hips-circ",
+    GIRTHS[1],
+    GIRTHS[2],
     "measure-thigh-circ",
-    "measure-bust-circ",
+    GIRTHS[0],
     "measure-upperarm-circ",
     "measure-calf-circ",
 ];

@@ -23,8 +23,6 @@ pub(crate) struct Room {
     x: Vec<[Wide; 3]>,
     /// What is given of each vertex, in the order of the mesh.
     given: Vec<[Wide; 3]>,
-    /// Whether blocks come from the last on, as they do every other time.
-    backwards: bool,
 }
 
 impl Room {
@@ -35,7 +33,6 @@ impl Room {
             bones: vec![[Wide::default(); 12]; n_bones],
             x: vec![[Wide::default(); 3]; blocks.n_verts],
             given: vec![[Wide::default(); 3]; blocks.n_verts],
-            backwards: false,
         }
     }
 }
@@ -47,6 +44,8 @@ pub(crate) struct Group<'a> {
     pub codes: &'a [f32],
     pub bones: &'a [Affine],
     pub room: &'a mut Room,
+    /// Whether the last block comes first: what was read last is still near.
+    pub backwards: bool,
     pub out: &'a mut [[f32; 3]],
     /// Normals, where they are asked for.
     pub normals: Option<&'a mut [[f32; 3]]>,
@@ -57,9 +56,8 @@ impl Job for Group<'_> {
     fn run<S: Simd, M: Sums>(mut self, on: S, sums: M) {
         self.gather();
         let b = self.blocks;
-        self.room.backwards = !self.room.backwards;
         for k in 0..b.base.len() {
-            let block = b.turn(k, self.room.backwards);
+            let block = b.turn(k, self.backwards);
             // As many vertices together as registers hold sums of.
             if S::F32_LANES == WIDE {
                 self.block::<S, M, 4>(on, sums, block);

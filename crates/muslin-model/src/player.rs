@@ -36,7 +36,7 @@ pub struct Player {
     room: Room,
     /// Codes of a frame in steps, and room for its normals.
     twos: Vec<Two>,
-    /// Whether its blocks come from the last on: what was read last for the frame before is still near.
+    /// Whether blocks come from the last on, as they do every other time.
     backwards: bool,
     lie: Vec<Placed>,
 }
@@ -231,11 +231,13 @@ impl Player {
 
     /// The frames whose codes and bones are in so many slots.
     fn group(&mut self, slots: usize, out: &mut [[f32; 3]], normals: Option<&mut [[f32; 3]]>) {
+        self.backwards = !self.backwards;
         steps::fastest(Group {
             blocks: &self.blocks,
             codes: &self.codes[..slots * self.blocks.n_codes],
             bones: &self.affine[..slots * self.reading.n_bones()],
             room: &mut self.room,
+            backwards: self.backwards,
             out,
             normals,
         });

@@ -150,13 +150,12 @@ pub(crate) struct Wearer<'a> {
 impl Wearer<'_> {
     /// Our body as tall as the wearer and built alike, of another weight [kg].
     fn weighing(&self, kg: f64) -> Result<Shape, BodyError> {
-        let ours = self.base.unwrap_or(self.avatar);
-        (self.shape).with_height_and_mass(ours, ours.height_of(self.shape)?, kg)
+        (self.shape).with_mass(self.base.unwrap_or(self.avatar), kg)
     }
 
     /// The wearer's twin of another weight [kg] with sliders pushed further: for chest, waist and hip.
     pub fn built(&self, kg: f64, pushed: [f64; 3]) -> Result<Figure, BodyError> {
-        self.twin(&further(&self.weighing(kg)?, pushed))
+        self.twins()?(&further(&self.weighing(kg)?, pushed))
     }
 
     /// The least and the most that a twin of the wearer may weigh [kg].
@@ -164,32 +163,40 @@ impl Wearer<'_> {
         reach(|kg| self.weighing(kg).map(|_| ()))
     }
 
-    /// The wearer's twin of another shape.
+    /// The wearer's twins, by our body's shape.
     ///
     /// A character grows as our body would, in proportion to its height.
-    fn twin(&self, shape: &Shape) -> Result<Figure, BodyError> {
+    fn twins(&self) -> Result<impl Fn(&Shape) -> Result<Figure, BodyError>, BodyError> {
         let ours = self.base.unwrap_or(self.avatar);
-        let grown = ours.figure(shape)?;
-        if self.base.is_none() {
-            return Ok(grown);
-        }
-        let scale = self.avatar.height(self.figure) / ours.height_of(self.shape)?;
-        let usual = ours.figure(self.shape)?;
-        let pairs = grown.verts.iter().zip(&usual.verts);
-        let moves = pairs.map(|(g, u)| (*g - *u) * scale);
-        Ok(Figure {
-            verts: (self.figure.verts.iter().zip(moves))
-                .map(|(p, m)| *p + m)
-                .collect(),
-            ..self.figure.clone()
+        let usual = match self.base {
+            Some(_) => {
+                let scale = self.avatar.height(self.figure) / ours.height_of(self.shape)?;
+                Some((ours.figure(self.shape)?, scale))
+            }
+            None => None,
+        };
+        Ok(move |shape: &Shape| {
+            let grown = ours.figure(shape)?;
+            let Some((usual, scale)) = &usual else {
+                return Ok(grown);
+            };
+            let pairs = grown.verts.iter().zip(&usual.verts);
+            let moves = pairs.map(|(g, u)| (*g - *u) * *scale);
+            Ok(Figure {
+                verts: (self.figure.verts.iter().zip(moves))
+                    .map(|(p, m)| *p + m)
+                    .collect(),
+                ..self.figure.clone()
+            })
         })
     }
 
     /// The twin of these girths [m], chest, waist and hip, as nearly as our body goes: of the weight that makes their
     /// sum, and from there by a slider for each.
     fn of_girths(&self, asked: [f64; 3]) -> Result<Figure, BodyError> {
+        let twin = self.twins()?;
         let girths = |shape: &Shape| -> Result<[f64; 3], BodyError> {
-            Ok(self.avatar.measure(&self.twin(shape)?).girths())
+            Ok(self.avatar.measure(&twin(shape)?).girths())
         };
         let [mut low, mut high] = self.reach()?;
         for _ in 0..HALVINGS {
@@ -206,7 +213,7 @@ impl Wearer<'_> {
         for own in [&[1][..], &[0, 2]] {
             own.iter().for_each(|&k| (least[k], most[k]) = (-2.0, 2.0));
             for _ in 0..FINE {
-                let middle = std::array::from_fn(|k| 0.5 * (least[k] + most[k]));
+                let middle = halfway(least, most);
                 let now = girths(&further(&shape, middle))?;
                 for &k in own {
                     match now[k] < asked[k] {
@@ -216,10 +223,7 @@ impl Wearer<'_> {
                 }
             }
         }
-        self.twin(&further(
-            &shape,
-            std::array::from_fn(|k| 0.5 * (least[k] + most[k])),
-        ))
+        twin(&further(&shape, halfway(least, most)))
     }
 
     /// What our body weighs where nothing else is asked for [kg].
@@ -227,6 +231,10 @@ impl Wearer<'_> {
         let ours = self.base.unwrap_or(self.avatar);
         Ok(ours.measure(&ours.figure(self.shape)?).mass)
     }
+}
+
+fn halfway(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| 0.5 * (a[k] + b[k]))
 }
 
 /// A shape with its girths' sliders pushed further, to their ends at most.
