@@ -58,11 +58,18 @@ fn main() {
         .collect();
     let batched = least(|| player.frames(&all, &mut out));
     let mut normals = out.clone();
+    let alone_turned = least(|| {
+        let rooms = out.chunks_mut(n).zip(normals.chunks_mut(n));
+        for ((pose, bones), rooms) in poses.iter().zip(&bones).zip(rooms) {
+            player.frame_with_normals(pose, bones, rooms);
+        }
+    });
     let turned = least(|| player.frames_with_normals(&all, (&mut out, &mut normals)));
     let rate = |seconds: f64| poses.len() as f64 / seconds;
     println!(
-        "{n} vertices, {codes} codes, width {width}, {swings} swings, {walls} walls: {:.0} frames a second one by one, {:.0} together, {:.0} with normals",
+        "{n} vertices, {codes} codes, width {width}, {swings} swings, {walls} walls: {:.0} frames a second one by one, {:.0} with normals; {:.0} together, {:.0} with normals",
         rate(single),
+        rate(alone_turned),
         rate(batched),
         rate(turned)
     );

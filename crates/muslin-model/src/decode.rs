@@ -19,13 +19,14 @@ pub(crate) struct One<'a> {
     /// Codes, each times what a step of it is worth.
     pub codes: &'a [f32],
     pub bones: &'a [Affine],
-    /// Room for the codes in steps.
+    /// Room for the codes in steps, and for the vertices by places.
     pub twos: &'a mut [Two],
+    pub lie: &'a mut [Placed],
     /// Whether the last block comes first: what was read last is still near.
     pub backwards: bool,
     pub out: &'a mut [[f32; 3]],
-    /// Room for the vertices by places, and the normals, where they are asked for.
-    pub normals: Option<(&'a mut [Placed], &'a mut [[f32; 3]])>,
+    /// Room for the normals' lengths by places, and the normals, where they are asked for.
+    pub normals: Option<(&'a mut [Wide], &'a mut [[f32; 3]])>,
 }
 
 impl Job for One<'_> {
@@ -33,7 +34,6 @@ impl Job for One<'_> {
     fn run<S: Simd, M: Sums>(self, on: S, sums: M) {
         let b = self.blocks;
         let worth = coded(b, self.codes, self.twos);
-        let mut normals = self.normals;
         for k in 0..b.base.len() {
             let block = b.turn(k, self.backwards);
             let sum = mixed(sums, (b, block), self.twos);
@@ -43,33 +43,61 @@ impl Job for One<'_> {
                 let (at, _) = skinned(on, (b, block, r), (&sum, worth), self.bones);
                 (0..3).for_each(|axis| set::<S>(&mut x[axis], r, at[axis]));
             }
-            put(b, block, &x, self.out);
-            if let Some((room, _)) = &mut normals {
-                let places = room[block * WIDE..].iter_mut().take(WIDE).enumerate();
-                places.for_each(|(i, to)| {
-                    *to = [Vec3A::new(x[0].0[i], x[1].0[i], x[2].0[i]), Vec3A::ZERO];
-                });
+            let places = block * WIDE..b.n_verts.min((block + 1) * WIDE);
+            // Written out: what `zip` and `take` call is not always inlined here.
+            for (i, to) in self.lie[places].iter_mut().enumerate() {
+                *to = [Vec3A::new(x[0].0[i], x[1].0[i], x[2].0[i]), Vec3A::ZERO];
             }
         }
-        if let Some((room, out)) = normals {
-            turn(b, room, out);
+        // Read in the order of places and written in that of the mesh: it is stores that wait for memory.
+        let (lie, places) = (self.lie, b.places.iter());
+        let Some((lengths, normals)) = self.normals else {
+            for (x, place) in self.out.iter_mut().zip(places) {
+                *x = lie[*place as usize][0].to_array();
+            }
+            return;
+        };
+        turn(b, lie);
+        inverse_lengths(on, lie, lengths);
+        for ((x, n), place) in self.out.iter_mut().zip(normals).zip(places) {
+            let place = *place as usize;
+            let ([at, around], by) = (lie[place], lengths[place / WIDE].0[place % WIDE]);
+            *x = at.to_array();
+            *n = if by == 0.0 { Vec3A::Y } else { around * by }.to_array();
         }
     }
 }
 
-/// Unit normals, weighted by area; up where no face has any.
+/// Adds twice every face to its corners.
 #[inline(always)]
-fn turn(b: &Blocks, room: &mut [Placed], out: &mut [[f32; 3]]) {
+fn turn(b: &Blocks, lie: &mut [Placed]) {
     for face in &b.faces {
         let [p, q, r] = face.map(|v| v as usize);
-        let here = room[p][0];
-        let twice = (room[q][0] - here).cross(room[r][0] - here);
-        room[p][1] += twice;
-        room[q][1] += twice;
-        room[r][1] += twice;
+        let here = lie[p][0];
+        let twice = (lie[q][0] - here).cross(lie[r][0] - here);
+        lie[p][1] += twice;
+        lie[q][1] += twice;
+        lie[r][1] += twice;
     }
-    for ([_, n], v) in room.iter().zip(&b.order) {
-        out[*v as usize] = n.normalize_or(Vec3A::Y).to_array();
+}
+
+/// One over the length of what is around each place; zero where it is nothing.
+///
+/// All squares first: sixteen that are read as they are written would wait for memory.
+#[inline(always)]
+fn inverse_lengths<S: Simd>(on: S, lie: &[Placed], out: &mut [Wide]) {
+    for (lot, to) in lie.chunks(WIDE).zip(out.iter_mut()) {
+        for (i, [_, around]) in lot.iter().enumerate() {
+            to.0[i] = around.length_squared();
+        }
+    }
+    for by in out {
+        for by in S::as_mut_simd_f32s(&mut by.0).0 {
+            let zero = on.splat_f32s(0.0);
+            let some = on.greater_than_f32s(*by, zero);
+            let inverse = on.div_f32s(on.splat_f32s(1.0), on.sqrt_f32s(*by));
+            *by = on.select_f32s(some, inverse, zero);
+        }
     }
 }
 
@@ -115,6 +143,7 @@ pub(crate) struct Points {
     blocks: Blocks,
     codes: Vec<f32>,
     twos: Vec<Two>,
+    lie: Vec<Placed>,
 }
 
 impl Points {
@@ -124,6 +153,7 @@ impl Points {
         Self {
             codes: vec![0.0; blocks.n_codes],
             twos: vec![[0; 2]; blocks.n_twos()],
+            lie: vec![[Vec3A::ZERO; 2]; blocks.n_verts],
             blocks,
         }
     }
@@ -144,6 +174,7 @@ impl Points {
             codes: &self.codes,
             bones,
             twos: &mut self.twos,
+            lie: &mut self.lie,
             backwards: false,
             out,
             normals: None,
@@ -236,13 +267,4 @@ pub(crate) fn at<S: Simd>(x: &Wide, r: usize) -> S::f32s {
 #[inline(always)]
 fn set<S: Simd>(x: &mut Wide, r: usize, to: S::f32s) {
     S::as_mut_simd_f32s(&mut x.0).0[r] = to;
-}
-
-/// Each vertex to its place in the mesh.
-#[inline(always)]
-fn put(b: &Blocks, block: usize, x: &[Wide; 3], out: &mut [[f32; 3]]) {
-    let order = b.order[block * WIDE..].iter().take(WIDE);
-    for (i, &v) in order.enumerate() {
-        out[v as usize] = [x[0].0[i], x[1].0[i], x[2].0[i]];
-    }
 }

@@ -6,7 +6,7 @@ use glam::{DAffine3, Vec3A};
 use muslin_body::{Avatar, Pose};
 use pulp::Simd;
 
-use crate::blocks::Blocks;
+use crate::blocks::{Blocks, Wide};
 use crate::decode::{Affine, One, Placed};
 use crate::group::{GROUP, Group, Room};
 use crate::mind::Mind;
@@ -34,11 +34,12 @@ pub struct Player {
     codes: Vec<f32>,
     affine: Vec<Affine>,
     room: Room,
-    /// Codes of a frame in steps, and room for its normals.
+    /// Codes of a frame in steps, and room for its vertices and its normals' lengths.
     twos: Vec<Two>,
+    lie: Vec<Placed>,
+    lengths: Vec<Wide>,
     /// Whether blocks come from the last on, as they do every other time.
     backwards: bool,
-    lie: Vec<Placed>,
 }
 
 /// What a player remembers of a sequence, and what reads its poses.
@@ -64,8 +65,9 @@ impl Player {
             codes: vec![0.0; GROUP * blocks.n_codes],
             room: Room::new(&blocks, reading.n_bones()),
             twos: vec![[0; 2]; blocks.n_twos()],
-            backwards: false,
             lie: vec![[Vec3A::ZERO; 2]; blocks.n_verts],
+            lengths: vec![Wide::default(); blocks.base.len()],
+            backwards: false,
             reading,
             blocks: Arc::new(blocks),
         })
@@ -152,9 +154,10 @@ impl Player {
             codes: &self.codes[..self.blocks.n_codes],
             bones: &self.affine[..self.reading.n_bones()],
             twos: &mut self.twos,
+            lie: &mut self.lie,
             backwards: self.backwards,
             out,
-            normals: normals.map(|n| (&mut self.lie[..], n)),
+            normals: normals.map(|n| (&mut self.lengths[..], n)),
         });
     }
 
