@@ -57,9 +57,9 @@ pub enum Verb {
 /// What `list` can show.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum Kind {
-    /// Garments and their parameters.
+    /// Garments and their usual fabrics.
     Garments,
-    /// Fabrics in SI units.
+    /// Fabrics in the units of data sheets.
     Fabrics,
     /// Built-in poses.
     Poses,

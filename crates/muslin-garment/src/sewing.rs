@@ -101,11 +101,16 @@ fn cut(pattern: &SewingPattern, edge: f64) -> Result<Pieces, GarmentError> {
     };
     let count = |p: u32, k: u32| {
         let length = |(p, k): (u32, u32)| pattern.panels[p as usize].length(k as usize);
-        let own = length((p, k));
-        let both = pattern
-            .across(p, k)
-            .map_or(own, |(o, _)| 0.5 * (own + length(o)));
-        (both / edge).round().max(1.0) as usize
+        // Two curves that are a chord each would hold no cloth between them.
+        let least = |(p, _): (u32, u32)| match pattern.panels[p as usize].curves.len() {
+            0..=2 => 2.0,
+            _ => 1.0,
+        };
+        let own = (length((p, k)), least((p, k)));
+        let (length, least) = pattern.across(p, k).map_or(own, |(o, _)| {
+            (0.5 * (own.0 + length(o)), f64::max(own.1, least(o)))
+        });
+        (length / edge).round().max(least) as usize
     };
     let mut starts: Vec<Vec<usize>> = Vec::new();
     for (p, panel) in pattern.panels.iter().enumerate() {

@@ -25,11 +25,32 @@ impl Lock {
         if folder.is_some_and(|f| !f.is_dir()) {
             return Ok(None);
         }
-        let file = OpenOptions::new().create(true).append(true).open(&path);
-        let file = file.map_err(|e| unwritable(&path, 0, &e))?;
-        take(&file, out)?;
-        Ok(Some(Self { path, _file: file }))
+        loop {
+            let file = OpenOptions::new().create(true).append(true).open(&path);
+            let file = file.map_err(|e| unwritable(&path, 0, &e))?;
+            take(&file, out)?;
+            // Whoever had it may have taken the file away between opening and locking: another would make a new one.
+            if is_at(&file, &path) {
+                return Ok(Some(Self { path, _file: file }));
+            }
+        }
     }
+}
+
+/// Whether an open file is the one that is called so.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    match (file.metadata(), fs::metadata(path)) {
+        (Ok(own), Ok(there)) => (own.dev(), own.ino()) == (there.dev(), there.ino()),
+        _ => false,
+    }
+}
+
+/// Files that are open keep their names here.
+#[cfg(not(unix))]
+fn is_at(_: &File, _: &Path) -> bool {
+    true
 }
 
 /// Takes an open file for this job, as long as it stays open; `named` is what is told of where another job has it. Where
@@ -70,7 +91,13 @@ mod tests {
         let held = Lock::hold(&out).expect("free");
         let fault = Lock::hold(&out).expect_err("another job makes it");
         assert_eq!((fault.code(), fault.exit_code()), ("busy", 8), "{fault}");
+        // As if it were taken away just before it is locked: this is nobody's any more.
+        let lock = folder.join("tee.muslin.lock");
+        let gone = File::open(&lock).expect("it is there");
+        assert!(is_at(&gone, &lock));
         drop(held);
+        #[cfg(unix)]
+        assert!(!is_at(&gone, &lock));
         assert!(fs::read_dir(&folder).expect("a folder").next().is_none());
         assert!(Lock::hold(&out).expect("free again").is_some());
         fs::remove_dir_all(&folder).expect("removable");

@@ -72,7 +72,7 @@ impl Output {
     ///
     /// `name` is one plain file name: separators, `..` and the like are refused.
     pub fn add(&mut self, name: &str, bytes: &[u8]) -> Result<(), IoError> {
-        let target = self.folder.join(plain(name)?);
+        let target = self.folder.join(writable(name)?);
         if fs::symlink_metadata(&target).is_ok_and(|m| !m.is_file() && !m.is_symlink()) {
             let fault = Fault::new(
                 "cannot-write",
@@ -200,8 +200,8 @@ fn sync(folder: &Path) -> io::Result<()> {
     }
 }
 
-/// `name` if it is one plain file name.
-fn plain(name: &str) -> Result<&str, IoError> {
+/// `name` if it is one plain file name, as [`Output::add`] takes them.
+pub fn writable(name: &str) -> Result<&str, IoError> {
     let is_plain = !name.is_empty()
         && !name.starts_with('.')
         && !name.contains(|c: char| "/\\:".contains(c) || c.is_control());

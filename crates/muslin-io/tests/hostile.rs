@@ -388,3 +388,41 @@ fn an_animation_without_skin_is_a_recording_in_the_worlds_axes_and_the_files_len
     assert_eq!((fault.code(), fault.exit_code()), ("no-animation", 3));
     assert!(fault.to_string().contains("look, kick"), "{fault}");
 }
+
+#[test]
+fn joints_that_stand_still_below_what_moves_are_joints() {
+    let (mut json, bin) = turned_leg();
+    // Exporters leave out what does not change; here nobody says what the nodes are, either.
+    let said = json.as_object_mut().expect("an object");
+    said.remove("extensions");
+    let nodes = json["nodes"].as_array_mut().expect("nodes");
+    nodes[2]["children"] = json!([4, 5]);
+    nodes.push(json!({ "name": "shin", "translation": [0, 40, 0] }));
+    nodes.push(json!({ "name": "boot", "mesh": 0 }));
+    let input = Input {
+        file: "kick.glb".into(),
+        bytes: glb(&json, &bin),
+    };
+    let kick = read_animation(Path::new("kick.glb"), &input, (Some("kick"), 2.0));
+    let skeleton = kick.expect("sound").recording.skeleton;
+    assert_eq!(skeleton.names, ["", "a", "b", "shin"]);
+}
+
+#[test]
+fn an_animation_that_ends_with_a_frame_has_that_frame() {
+    for last in 1..=600u16 {
+        let end = f32::from(last) / 30.0;
+        let (mut json, mut bin) = turned_leg();
+        bin[4..8].copy_from_slice(&end.to_le_bytes());
+        json["animations"].as_array_mut().expect("two").remove(0);
+        let input = Input {
+            file: "kick.vrma".into(),
+            bytes: glb(&json, &bin),
+        };
+        for fps in [30.0, 60.0] {
+            let kick = read_animation(Path::new("kick.vrma"), &input, (None, fps));
+            let frames = kick.expect("sound").recording.frames.len();
+            assert_eq!(frames, usize::from(last) * fps as usize / 30 + 1, "{last}");
+        }
+    }
+}

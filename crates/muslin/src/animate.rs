@@ -409,6 +409,7 @@ impl<'a> Theatre<'a, '_> {
                 ..fault
             });
         }
+        self.warn(files::thinned(&clip, simulate.bake));
         let (mut made, baked) = files::make(set, &clip, (out, simulate))?;
         let baked = baked.map(|baked| {
             self.report.set("bake", baked.report);
@@ -418,11 +419,14 @@ impl<'a> Theatre<'a, '_> {
         let one = |m: &Made| format!("{} {:.1} MB", m.path.display(), m.bytes.len() as f64 / 1e6);
         let text = made.iter().map(one).collect::<Vec<_>>().join("  ");
         self.done(5, "write", text)?;
-        self.warn(files::make_way(out)?);
+        self.warn(files::leftovers(simulate, &made));
+        let kept = files::make_way(out)?;
+        self.warn(kept.iter().map(|k| k.1.clone()));
         let warnings = self.warnings.iter().map(|w| Value::from(w.as_str()));
         self.report.set("warnings", warnings.collect::<Vec<_>>());
         self.report.set("seconds", self.times.clone());
         tell::colophon(&mut self.report);
+        made.extend(kept.map(|k| k.0));
         made.push(files::report(out, &self.report));
         folders.write(&made)?;
         let table = table((&quality, baked), (raw.rate, raw.inside), &made);

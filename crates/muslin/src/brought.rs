@@ -37,7 +37,7 @@ pub(crate) fn is_file(asked: &str) -> bool {
 }
 
 /// The file that is asked for, and which of its pieces, from 1, if only one: `suit.obj#2`.
-fn numbered(asked: &str) -> (&str, Option<usize>) {
+pub(crate) fn numbered(asked: &str) -> (&str, Option<usize>) {
     match asked.rsplit_once('#') {
         Some((file, n)) if !Path::new(asked).exists() => match n.parse() {
             Ok(n) => (file, Some(n)),

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use muslin_body::Avatar;
 use muslin_geom::{Report, Value};
-use muslin_io::{PhotoLimits, read_clip, read_file, read_photo};
+use muslin_io::{PhotoLimits, files_in, read_clip, read_file, read_photo};
 
 use crate::animate::{as_trained, fits, note_of, read_model, wants_character};
 use crate::brought::{led, lies};
@@ -71,6 +71,7 @@ pub fn check(
         who: (&avatar, hero.as_ref()),
         options,
     };
+    let files: Vec<PathBuf> = files.iter().flat_map(|p| opened(p)).collect();
     let mut table = Table::new(&["file", "it is", "and has"]);
     let (mut all, mut faults) = (Vec::new(), Vec::new());
     for (k, path) in files.iter().enumerate() {
@@ -138,7 +139,11 @@ struct Room<'a> {
 impl Room<'_> {
     fn look(&self, path: &Path) -> Result<Found, Failure> {
         let file = muslin_io::name(path);
-        match kind(path)? {
+        let kind = match motion::named(&file) {
+            (_, Some(_)) => Kind::Motion,
+            _ => kind(path)?,
+        };
+        match kind {
             Kind::Garment => self.garment(path),
             Kind::Fabric => fabric_of(path),
             Kind::Motion => self.motion(path),
@@ -158,7 +163,10 @@ impl Room<'_> {
     /// A garment, put on.
     fn garment(&self, path: &Path) -> Result<Found, Failure> {
         let dress = DressOptions {
-            outfit: vec![Wear::parse(&path.to_string_lossy())],
+            outfit: vec![Wear {
+                garment: path.to_string_lossy().into_owned(),
+                fabric: None,
+            }],
             ..self.options.clone()
         };
         let mut warnings = Vec::new();
@@ -320,6 +328,18 @@ fn count(n: usize, what: &str) -> String {
 /// Files with more bytes are not looked into for what they are.
 const MAX_BYTES: u64 = 512 << 20;
 
+/// A folder of motions as those; everything else as itself.
+fn opened(path: &Path) -> Vec<PathBuf> {
+    let all = match path.is_dir() {
+        true => files_in(path, &motion::KINDS).unwrap_or_default(),
+        false => Vec::new(),
+    };
+    match all.first().map(|first| kind(first)) {
+        Some(Ok(Kind::Motion)) => all,
+        _ => vec![path.to_owned()],
+    }
+}
+
 /// What a file may be, by its ending and, where that says too little, by what is in it.
 fn kind(path: &Path) -> Result<Kind, Failure> {
     let ending = path.extension().unwrap_or_default().to_string_lossy();
@@ -336,8 +356,11 @@ fn kind(path: &Path) -> Result<Kind, Failure> {
         "json" if holds(b"\"panels\"")? => Kind::Garment,
         "json" | "toml" | "u3m" | "u3ma" => Kind::Fabric,
         "npz" if holds(b"cloth.npy")? => Kind::Clip,
-        "bvh" | "npz" => Kind::Motion,
+        "bvh" | "npz" | "vrma" => Kind::Motion,
         "glb" if holds(b"\"rest_corners\"")? => Kind::Clip,
+        // What was baked, but not a character's own file with baked garments in it, which says how many nodes are its own.
+        "glb" if holds(b"\"muslin\":\"garment\"")? && !holds(b"\"character_nodes\"")? => Kind::Clip,
+        "glb" | "gltf" if holds(b"\"animations\"")? && !holds(b"\"skins\"")? => Kind::Motion,
         "glb" | "gltf" | "vrm" => Kind::Character,
         "pc2" => Kind::Clip,
         "muslin" => Kind::Model,
@@ -346,7 +369,7 @@ fn kind(path: &Path) -> Result<Kind, Failure> {
             let what = "no kind of file that is read here";
             let fault = Failure::new(Exit::Refused, "unknown-kind", what);
             return Err(fault.at(muslin_io::name(path)).hint(
-                "garments are .obj and .json, fabrics .toml, .u3m and .u3ma, motions .bvh and .npz, characters .glb, .gltf and .vrm, photos .jpg, .png and .webp",
+                "garments are .obj and .json, fabrics .toml, .u3m and .u3ma, motions .bvh, .npz and .vrma, characters .glb, .gltf and .vrm, photos .jpg, .png and .webp",
             ));
         }
     })
@@ -372,6 +395,20 @@ mod tests {
         assert_eq!(put("b.npz", "PK poses.npy"), Ok(Kind::Motion));
         assert_eq!(put("a.vrm", ""), Ok(Kind::Character));
         assert_eq!(put("a.docx", ""), Err("unknown-kind"));
+        assert_eq!(put("a.vrma", ""), Ok(Kind::Motion));
+        let character = "{ \"skins\": [], \"animations\": [] }";
+        assert_eq!(put("a.gltf", character), Ok(Kind::Character));
+        assert_eq!(put("b.gltf", "{ \"animations\": [] }"), Ok(Kind::Motion));
+        let baked = "glTF { \"muslin\":\"garment\" }";
+        assert_eq!(put("a.glb", baked), Ok(Kind::Clip));
+        let dressed = format!("{baked} \"character_nodes\"");
+        assert_eq!(put("b.glb", &dressed), Ok(Kind::Character));
+        let takes = folder.join("takes");
+        std::fs::create_dir_all(&takes).expect("a temporary folder");
+        assert_eq!(opened(&takes), [takes.as_path()]);
+        put("takes/b.bvh", "").expect("a motion");
+        put("takes/a.vrma", "").expect("a motion");
+        assert_eq!(opened(&takes), [takes.join("a.vrma"), takes.join("b.bvh")]);
         assert_eq!(kind(&folder).map_err(|f| f.code), Ok(Kind::Clip));
         std::fs::remove_dir_all(&folder).expect("our own folder");
         let gone = kind(&folder.join("c.json")).expect_err("it is gone");

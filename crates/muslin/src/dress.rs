@@ -147,7 +147,8 @@ fn dress_photo(
     let mut job = Job::new(&avatar, options, watch);
     job.report.set("photo", tell::photo(photo));
     let chosen = choose(&found, options, photo, job.watch)?;
-    let several = chosen.len() > 1;
+    // Whoever asks for all gets the same files of one as of several.
+    let several = options.person == Person::All;
     let of = found.people.len();
     let (mut outcomes, mut fault) = (Vec::new(), None);
     let cut = OnceLock::new();

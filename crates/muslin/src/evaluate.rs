@@ -45,11 +45,14 @@ const DEEP: f32 = 0.5e-3;
 pub enum Against {
     /// Somebody else's file of the same cloth and motion.
     File(PathBuf),
-    /// Our solver, that leads so many frames of the file, evenly spread, to rest; all if none is said.
-    Minimiser(Option<usize>),
+    /// Our solver, that leads some frames of the file to rest.
+    Minimiser,
     /// Our simulator, on the file's own body from where its first frame lies.
     Simulator,
 }
+
+/// Frames that are led to the minimiser, where nobody says how many.
+const SAMPLES: usize = 9;
 
 /// What a file is held against, and where the answer goes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -59,6 +62,8 @@ pub struct EvaluateOptions {
     /// What minimiser and simulator take the cloth to be made of: a fabric's name or file. Without it, what the file
     /// says, and `paper-snug-cotton` where it says nothing.
     pub fabric: Option<String>,
+    /// Frames, evenly spread, that the minimiser leads to rest; nine if none is said, all of them for zero.
+    pub samples: Option<usize>,
     /// A file of the same cloth and motion without swing, as `animate --motion-level 0` writes it: what cloth does
     /// beyond it is its dynamic content.
     pub still: Option<PathBuf>,
@@ -140,6 +145,10 @@ pub fn evaluate_file(
         let what = "it is for minimiser and simulator: a file's cloth is what that file has";
         return Err(Failure::new(Exit::Usage, "no-use", what).at("--fabric"));
     }
+    if options.against != Some(Against::Minimiser) && options.samples.is_some() {
+        let what = "only the minimiser leads single frames to rest: all of them are compared here";
+        return Err(Failure::new(Exit::Usage, "no-use", what).at("--samples"));
+    }
     let read = |p: &Path| read_clip(p).map_err(|e| file_failure(&e));
     let clip = read(path)?;
     if clip.body.is_empty() {
@@ -157,10 +166,12 @@ pub fn evaluate_file(
                 compare((&clip, still), (&other, Report::default()), cloth, frames).map(Some)
             })
         }
-        Some(Against::Minimiser(n)) => {
+        Some(Against::Minimiser) => {
             let solver = solver()?;
+            let samples = options.samples.unwrap_or(SAMPLES);
+            let some = (samples > 0).then_some(samples);
             judge(&clip, still, |cloth, _| {
-                solver.minimised(*n, (cloth, watch)).map(Some)
+                solver.minimised(some, (cloth, watch)).map(Some)
             })
         }
         Some(Against::Simulator) => {
@@ -491,8 +502,14 @@ fn same_cloth(clip: &Clip, other: &Clip, at: &str) -> Result<(), Failure> {
     other.check_shape().map_err(|e| file_failure(&e))?;
     let frames = [clip, other].map(|c| c.drape.frames.len());
     let fps = [clip, other].map(|c| c.drape.fps);
+    let verts = [clip, other].map(|c| c.drape.frames.first().map_or(0, Vec::len));
     let what = if other.drape.faces != clip.drape.faces {
         "the other file has other triangles".to_owned()
+    } else if verts[0] != verts[1] {
+        format!(
+            "the other file has {} vertices, this one {}",
+            verts[1], verts[0]
+        )
     } else if frames[0] != frames[1] {
         format!(
             "the other file has {} frames, this one {}",

@@ -41,7 +41,12 @@ pub(crate) fn find(asked: &str) -> Result<(Fabric, Vec<String>), Failure> {
                 fault.hint("give the weight in grams a square metre: 150 is a jersey, 400 denim")
             );
         }
-        return Ok((file.fabric, file.warnings));
+        let mut own = file.fabric;
+        // A preset's name alone would stand for the preset in every file that tells what its cloth is made of.
+        if Fabric::named(&own.name).is_ok_and(|preset| preset != own) {
+            own.name = format!("own-{}", own.name);
+        }
+        return Ok((own, file.warnings));
     }
     Ok((named(asked)?, Vec::new()))
 }
@@ -69,6 +74,10 @@ mod tests {
         std::fs::write(&path, "like = \"denim\"\nmass_g_m2 = 350\n").expect("a small file");
         let own = find(&path.to_string_lossy()).expect("a fabric file").0;
         assert_eq!((own.name.as_str(), own.density), ("own", 0.35));
+        let like = folder.join("denim.toml");
+        std::fs::write(&like, "like = \"denim\"\nmass_g_m2 = 60\n").expect("a small file");
+        let other = find(&like.to_string_lossy()).expect("a fabric file").0;
+        assert_eq!((other.name.as_str(), other.density), ("own-denim", 0.06));
         // What somebody else's file calls its cloth leads to no file.
         let name = named(&path.to_string_lossy()).expect_err("a name alone");
         assert_eq!(name.code, "unknown-fabric");

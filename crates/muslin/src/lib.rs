@@ -2,7 +2,8 @@
 //!
 //! [`dress`] takes a photo and writes a 3D figure wearing draped garments; [`demo`] does it on a
 //! built-in photo and [`dress_pose`] on a built-in stance.
-//! [`simulate()`] moves an outfit on a moving body. [`check()`] says whether jobs can use a file. [`evaluate()`] judges animated cloth. [`list`] tells what there is, [`bench`]
+//! [`simulate()`] moves an outfit on a moving body, [`train()`] teaches a garment to lie on it, [`animate()`] plays what was
+//! taught to a file, and [`Playing`] frame by frame. [`check()`] says whether jobs can use a file. [`evaluate()`] judges animated cloth. [`list`] tells what there is, [`bench`]
 //! measures it. Each job tells a [`Watch`] of its stages and fails with a [`Failure`].
 
 mod anew;

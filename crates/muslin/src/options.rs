@@ -1,6 +1,6 @@
 //! What may be asked of `dress`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use muslin_garment::Cut;
 
@@ -15,7 +15,7 @@ pub enum Person {
     Largest,
     /// The n-th from the largest, from 1.
     Nth(usize),
-    /// Everybody, each in a folder of their own.
+    /// Everybody, each in a folder of their own, even if it is one.
     All,
 }
 
@@ -30,8 +30,14 @@ pub struct Wear {
 
 impl Wear {
     /// Reads `garment` or `garment:fabric`; a colon before a folder belongs to the garment's file, unless what follows is
-    /// a fabric's.
+    /// a fabric's, and every colon of a file that is there.
     pub fn parse(text: &str) -> Self {
+        if Path::new(text).is_file() {
+            return Self {
+                garment: text.to_owned(),
+                fabric: None,
+            };
+        }
         let at = text.rfind(':').map(|at| {
             // The colon of a drive, as in `tee:C:\\mine.toml`.
             let before = &text[..at];
@@ -87,7 +93,7 @@ pub struct DressOptions {
     pub size: Option<Size>,
     /// Triangle edge of the garments [m], 0.005 to 0.025.
     pub edge: f64,
-    /// Deliver a drape whose cloth crosses itself.
+    /// Deliver cloth that crosses itself, and what moves also where it meets the body.
     pub allow_crossings: bool,
     /// Solve from the body at rest, also where trained garments know how they lie.
     pub simulate: bool,

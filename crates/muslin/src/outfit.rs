@@ -276,18 +276,10 @@ impl Outfit {
         Ok(self)
     }
 
-    /// What each garment is called in results: by its name, and by its name and a number where that is taken.
+    /// What each garment is called in results: by its name as files have it, and by its name and a number where that is
+    /// taken, as the body's is.
     pub fn names(&self) -> Vec<String> {
-        let mut names: Vec<String> = Vec::with_capacity(self.pieces.len());
-        for piece in &self.pieces {
-            let name = &piece.garment.name;
-            let numbered = (2..).map(|n| format!("{name}-{n}"));
-            let free = std::iter::once(name.clone())
-                .chain(numbered)
-                .find(|n| !names.contains(n));
-            names.extend(free);
-        }
-        names
+        named_apart(self.pieces.iter().map(|p| p.garment.name.as_str()))
     }
 
     /// What is to be said where it is cut for somebody far slimmer than its wearer.
@@ -377,11 +369,30 @@ fn entry(name: &str) -> Result<&'static Entry, Failure> {
     })
 }
 
+/// Names for files and nodes: dots would end a file's name, and `body` is what the skin is called.
+fn named_apart<'a>(garments: impl Iterator<Item = &'a str>) -> Vec<String> {
+    let mut names: Vec<String> = vec!["body".into()];
+    for garment in garments {
+        let name = garment.replace(|c: char| ".:/\\".contains(c) || c.is_control(), "-");
+        let numbered = (2..).map(|n| format!("{name}-{n}"));
+        let mut all = std::iter::once(name.clone()).chain(numbered);
+        names.extend(all.find(|n| !names.contains(n)));
+    }
+    names.split_off(1)
+}
+
 #[cfg(test)]
 mod tests {
     use muslin_garment::Cut;
 
     use super::*;
+
+    #[test]
+    fn results_are_named_apart_and_as_files_can_be() {
+        let garments = ["tee", "body", "tee", "skirt.v2", "a/b:c"];
+        let names = named_apart(garments.into_iter());
+        assert_eq!(names, ["tee", "body-2", "tee-2", "skirt-v2", "a-b-c"]);
+    }
 
     #[test]
     fn everything_is_cut_slim_regular_and_loose() {

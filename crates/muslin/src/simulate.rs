@@ -205,12 +205,11 @@ impl Run<'_, '_> {
         if let Some(fault) = quality.fault(self.options.dress.allow_crossings) {
             return Err(fault);
         }
-        let step = files::stride(clip.drape.frames.len());
-        if step > 1 && self.options.bake.is_exact() {
-            self.warn(vec![format!(
-                "the GLB has every {step}th frame, since viewers take 240 morph targets; --bake, --npz and --pc2 have all"
-            )]);
-        }
+        self.warn(
+            files::thinned(&clip, self.options.bake)
+                .into_iter()
+                .collect(),
+        );
         let (mut made, baked) = files::make(set, &clip, (out, self.options))?;
         let baked = baked.map(|baked| {
             self.report.set("bake", baked.report);
@@ -219,8 +218,11 @@ impl Run<'_, '_> {
         });
         let text = written(&made);
         self.done(5, "write", text)?;
-        self.warn(files::make_way(out)?.into_iter().collect());
+        self.warn(files::leftovers(self.options, &made));
+        let kept = files::make_way(out)?;
+        self.warn(kept.iter().map(|k| k.1.clone()).collect());
         self.finish(&made);
+        made.extend(kept.map(|k| k.0));
         made.push(files::report(out, &self.report));
         folders.write(&made)?;
         Journal::remove(&part).map_err(|e| file_failure(&e))?;

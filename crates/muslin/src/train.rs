@@ -25,10 +25,11 @@ use muslin_train::{
     LEARNT, SKINNING, Told, TrainError, Trainer, Training, has_learnt_skinning, placed,
 };
 
-use crate::animate::read_model;
+use crate::animate::{note_of, read_model};
 use crate::brought::is_file;
 use crate::drape::cloth_of;
 use crate::dress::file_failure;
+use crate::fabric;
 use crate::failure::{Exit, Failure};
 use crate::hero::{Hero, avatar_of, body_note, standing};
 use crate::options::DressOptions;
@@ -41,7 +42,7 @@ use crate::table::Table;
 use crate::tell;
 use crate::watch::Watch;
 
-use asked::asked;
+use asked::{asked, hashes};
 pub(crate) use kept::failure;
 use kept::{beside, keep, resume, stopped};
 use lessons::Class;
@@ -476,16 +477,22 @@ impl School<'_, '_> {
         let sources = &class.sources(sources);
         let system = self.options.system;
         let over: Vec<&str> = d.outfit[..k].iter().map(|w| w.garment.as_str()).collect();
+        let wear = &d.outfit[k];
         let learnt = Learnt {
             is_character: self.hero.is_some(),
-            garment: &d.outfit[k].garment,
+            garment: &wear.garment,
             sources,
             terms: self.options.terms.as_deref(),
         };
         let told = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
+        let own_fabric = wear.fabric.clone().filter(|f| fabric::is_file(f));
         let notes = [
-            ("garment", d.outfit[k].garment.clone()),
-            ("fabric", class.fabrics[k].name.clone()),
+            ("garment", wear.garment.clone()),
+            (
+                "fabric",
+                own_fabric.unwrap_or_else(|| class.fabrics[k].name.clone()),
+            ),
+            ("files", hashes(wear)),
             ("over", over.join(",")),
             ("fabrics", which(self.options.any_fabric).into()),
             ("shapes", which(self.options.any_shape).into()),
@@ -520,8 +527,8 @@ impl School<'_, '_> {
         let is_done = |(k, file): (usize, &PathBuf)| {
             let model = read_model(file).ok();
             model.is_some_and(|model| {
-                let notes = self.notes((class, k), (&model.faces, sources), &last);
-                let same = |(name, value): (&String, &String)| model.notes.get(name) == Some(value);
+                let notes = self.notes((class, k), (&class.faces(k), sources), &last);
+                let same = |(name, value): (&String, &String)| note_of(&model, name) == value;
                 notes.iter().all(same)
             })
         };

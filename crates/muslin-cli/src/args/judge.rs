@@ -11,8 +11,8 @@ use super::common::{Build, OWN, Telling, character};
 /// Options of `check`.
 #[derive(Debug, Args)]
 pub struct Check {
-    /// Garments (.obj, .json), fabrics (.toml, .u3m), motions (.bvh, .npz), characters (.glb, .gltf, .vrm), trained
-    /// garments (.muslin), photos and animated cloth.
+    /// Garments (.obj, .json), fabrics (.toml, .json, .u3m, .u3ma), motions (.bvh, .npz, .vrma, FILE#NAME, a folder of
+    /// them), characters (.glb, .gltf, .vrm), trained garments (.muslin), photos and animated cloth.
     #[arg(required = true)]
     pub files: Vec<PathBuf>,
     /// Who is to wear the garments and move as the motions say: our own body, or a character.
@@ -54,9 +54,9 @@ pub struct Evaluate {
     /// paper-snug-cotton].
     #[arg(long, requires = "against")]
     pub fabric: Option<String>,
-    /// Frames, evenly spread, that are led to the minimiser; 0 for all of them.
-    #[arg(long, default_value_t = 9, requires = "against")]
-    pub samples: usize,
+    /// Frames, evenly spread, that are led to the minimiser; 0 for all of them [default: 9].
+    #[arg(long, requires = "against")]
+    pub samples: Option<usize>,
     /// The same cloth and motion without swing, as `animate --motion-level 0` writes it: tells what cloth does beyond
     /// it, its dynamic content, here and in what it is held against.
     #[arg(long, value_name = "FILE")]
@@ -77,6 +77,7 @@ impl Evaluate {
         EvaluateOptions {
             against: self.against(),
             fabric: self.fabric.clone(),
+            samples: self.samples,
             still: self.still.clone(),
             out: self.out.clone(),
             frames: self.frames.clone(),
@@ -86,9 +87,8 @@ impl Evaluate {
     /// Whom the file is held against; a file that is called like the solver is named with its folder.
     fn against(&self) -> Option<Against> {
         let path = self.against.as_ref()?;
-        let n = (self.samples > 0).then_some(self.samples);
         Some(match path.to_str() {
-            Some("minimiser") => Against::Minimiser(n),
+            Some("minimiser") => Against::Minimiser,
             Some("simulator") => Against::Simulator,
             _ => Against::File(path.clone()),
         })

@@ -17,7 +17,7 @@ Examples:
   muslin simulate --motion takes/ --motion run -o out      one on each core, out/NAME.glb
   muslin simulate --body hero.glb --motion Idle -o hero-dressed.glb     a character, in its own animation
 
-What is done is kept in OUT.part; after Ctrl-C or a crash the same command with --resume goes on
+What is done is kept in OUT.glb.part; after Ctrl-C or a crash the same command with --resume goes on
 from there, to the same bits. OUT.report.json says how good the result is.")]
 pub struct Simulate {
     /// Who wears it: our own body, or a rigged character, a .glb, .gltf or .vrm with a skeleton and a skin.

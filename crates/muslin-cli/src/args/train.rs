@@ -15,25 +15,25 @@ Examples:
   muslin train --garment tee --fabric cotton-jersey --motion clips/ --motion walk -o tee.muslin
   muslin train ncs --garment tee -o ncs.muslin     a published system on the same body and garment
   muslin train --garment trousers,tee -o look.muslin     several garments, one over the other
+  muslin train --garment tee --fabric any -o tee.muslin     one garment in every fabric between those of our list
 
+Several garments are not for snug and ncs, --fabric any not for the published systems.
 OUT.csv has the curve of the training, OUT.report.json what came of it. What is learnt is kept in
 OUT.muslin.part; after Ctrl-C or a crash the same command with --resume goes on to the same bits.")]
 pub struct Train {
     /// A published system to teach instead of our own trainer, with its published network, losses and
-    /// constants; --codes is then not for the training, --fabric for that of snug alone.
+    /// constants; --codes is then refused, and --fabric is for the training of snug alone.
     #[arg(value_enum)]
     pub system: Option<SystemName>,
     /// Who is learnt from: our own body, or a rigged character, a .glb, .gltf or .vrm with a skeleton and
     /// a skin.
     #[arg(long, value_name = "anny|FILE", default_value = OWN)]
     pub body: PathBuf,
-    /// A built-in motion, an animation of the character's file by name, a file (BVH, glTF or VRM, NPZ with poses),
-    /// or a folder of these, to learn from; may
-    /// be given several times [default: all built-in motions].
+    /// A built-in motion, an animation of the character's file by name, a file (BVH, VRMA, glTF or VRM, NPZ with poses),
+    /// or a folder of BVH, VRMA and NPZ, to learn from; may be given several times [default: all built-in motions].
     #[arg(long, value_name = "NAME|FILE|DIR")]
     pub motion: Vec<String>,
-    /// Who wears what; one garment, or several, one over the other (not for snug and ncs). `--fabric any` teaches one
-    /// garment every fabric: between cloths of our list.
+    /// Who wears what.
     #[command(flatten)]
     pub wearing: Wearing,
     /// Whether one body is taught or any adult shape of it.
@@ -46,11 +46,11 @@ pub struct Train {
     #[arg(short, long, default_value = "tee.muslin")]
     pub out: PathBuf,
     /// A model of the same garment to begin with: of coarser cloth (--edge), which is taught in less time, of
-    /// another fabric, or of fewer motions. Network, `any`s and traits must be the same.
+    /// another fabric, or of fewer motions. Network, `any`s and traits must be the same; not for published systems.
     #[arg(long, value_name = "FILE.muslin")]
     pub from: Option<PathBuf>,
     /// Teach the garment with edges this long first [mm], as many steps, and begin with what it knows: short
-    /// trainings come farther.
+    /// trainings come farther; not for published systems.
     #[arg(long, value_name = "MM")]
     pub coarse: Option<f64>,
     /// Steps of learning.

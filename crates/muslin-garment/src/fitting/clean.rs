@@ -25,9 +25,10 @@ const WELD: f64 = 1e-6;
 /// Pieces with fewer than this share of the faces are debris: buttons, buckles.
 const DEBRIS: f64 = 0.02;
 /// A hole whose rim is shorter than this share of the longest, or has so few sides, is damage, not
-/// an opening.
+/// an opening; whatever its sides, one that is longer than the larger share is for the body.
 const HOLE: f64 = 0.04;
 const SIDES: usize = 7;
+const OPENING: f64 = 0.25;
 
 /// The pieces of a mesh, largest first.
 pub fn pieces(mesh: &Mesh, warnings: &mut Vec<String>) -> Result<Vec<Piece>, GarmentError> {
@@ -163,7 +164,10 @@ fn piece(mut mesh: Mesh, warnings: &mut Vec<String>) -> Result<Piece, GarmentErr
     };
     let longest = rims.iter().map(length).fold(0.0, f64::max);
     let all = rims.len();
-    rims.retain(|r| length(r) >= HOLE * longest && r.len() > SIDES);
+    rims.retain(|r| {
+        let share = length(r) / longest;
+        share >= OPENING || (share >= HOLE && r.len() > SIDES)
+    });
     if rims.len() < all {
         let n = all - rims.len();
         warnings.push(format!("{n} small holes in the cloth stay open"));
@@ -320,15 +324,15 @@ pub fn rims(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
 mod tests {
     use super::*;
 
-    /// An open tube of eight sides; every side with vertices of its own, one of them turned over.
-    fn unwelded() -> Mesh {
+    /// An open tube of so many sides; every side with vertices of its own, one of them turned over.
+    fn unwelded(n: u32) -> Mesh {
         let mut mesh = Mesh::default();
         let at = |k: u32, y: f64| {
-            let t = f64::from(k % 8) * std::f64::consts::FRAC_PI_4;
+            let t = f64::from(k % n) * std::f64::consts::TAU / f64::from(n);
             DVec3::new(t.cos(), y, t.sin())
         };
         for r in 0..3 {
-            for k in 0..8u32 {
+            for k in 0..n {
                 let (low, high) = (f64::from(r), f64::from(r) + 1.0);
                 let i = mesh.verts.len() as u32;
                 mesh.verts
@@ -341,9 +345,15 @@ mod tests {
     }
 
     #[test]
+    fn a_coarse_tube_is_as_open_as_a_fine_one() {
+        let pieces = pieces(&unwelded(6), &mut Vec::new()).expect("a tube");
+        assert_eq!(pieces[0].rims.len(), 2);
+    }
+
+    #[test]
     fn loose_faces_are_welded_and_turned_alike_and_it_is_said() {
         let mut told = Vec::new();
-        let pieces = pieces(&unwelded(), &mut told).expect("a tube");
+        let pieces = pieces(&unwelded(8), &mut told).expect("a tube");
         assert_eq!((pieces.len(), pieces[0].rims.len()), (1, 2));
         assert_eq!(pieces[0].mesh.verts.len(), 32);
         assert!(
@@ -354,7 +364,7 @@ mod tests {
 
     #[test]
     fn what_no_body_goes_through_is_refused_in_words() {
-        let mut fin = unwelded();
+        let mut fin = unwelded(8);
         let n = fin.verts.len() as u32;
         fin.verts.push(DVec3::new(5.0, 0.0, 0.0));
         fin.faces.push([8 * 4, 8 * 4 + 1, n]);
@@ -363,7 +373,7 @@ mod tests {
             .err()
             .expect("three faces on an edge");
         assert!(err.to_string().contains("more than two triangles"), "{err}");
-        let mut lid = unwelded();
+        let mut lid = unwelded(8);
         for k in 1..7 {
             let corner = |k: u32| 4 * (k + 16) + 3;
             lid.faces.push([corner(0), corner(k), corner(k + 1)]);

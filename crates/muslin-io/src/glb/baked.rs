@@ -10,7 +10,7 @@ use muslin_geom::Baked;
 use serde_json::{Value, json};
 
 use super::GlbOptions;
-use super::moving::{Film, Moved, same_way, with_extras};
+use super::moving::{Film, Moved, same_way, told, with_extras};
 use crate::clip::Clip;
 
 /// What `extras.muslin` of a garment's node says, so that nobody takes its handles for a character's.
@@ -54,7 +54,8 @@ impl Film {
             json!({ "POSITION": self.bin.byte_cells(&moves), "NORMAL": self.bin.bytes(&bends) })
         };
         let targets: Vec<Value> = baked.shapes.iter().zip(&bends).map(target).collect();
-        let mut mesh = json!({ "name": node.name, "primitives": [primitive] });
+        let mut mesh =
+            json!({ "name": node.name, "primitives": [primitive], "extras": told(clip) });
         if !targets.is_empty() {
             mesh["weights"] = vec![0.0; targets.len()].into();
             mesh["primitives"][0]["targets"] = targets.into();

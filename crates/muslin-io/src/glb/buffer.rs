@@ -216,11 +216,16 @@ impl<'a> Glb<'a> {
                 let data = data.get(int(&sparse[what]["byteOffset"]).unwrap_or(0)..)?;
                 unpacked(data, (n, width, None), (kind, is_share && what == "values"))
             };
-            let places = part("indices", 1, int(&sparse["indices"]["componentType"])?)?;
+            let whole = int(&sparse["indices"]["componentType"])?;
+            if !matches!(whole, 5121 | 5123 | 5125) {
+                return None;
+            }
+            let places = part("indices", 1, whole)?;
             let values = part("values", width, kind)?;
             for (&at, value) in places.iter().zip(values.chunks_exact(width)) {
-                let at = at as usize * width;
-                flat.get_mut(at..at + width)?.copy_from_slice(value);
+                let at = (at as usize).checked_mul(width)?;
+                flat.get_mut(at..at.checked_add(width)?)?
+                    .copy_from_slice(value);
             }
         }
         Some(Numbers { flat, width })

@@ -245,8 +245,7 @@ fn kept(glb: &Glb) -> Result<(Value, Bin), IoError> {
         let new = *views.entry(i).or_insert_with(|| {
             let bytes = glb.view(value).map(|v| v.0);
             missing |= bytes.is_none();
-            let mut shape =
-                glb.list("bufferViews")[i.min(glb.list("bufferViews").len() - 1)].clone();
+            let mut shape = glb.list("bufferViews").get(i).cloned().unwrap_or_default();
             bin.copied(bytes.unwrap_or(&[]), &mut shape)
         });
         *value = new.into();

@@ -189,6 +189,18 @@ pub(super) struct Film {
     n_frames: usize,
 }
 
+/// What a garment's mesh says in its `extras`: which vertices the body holds, and what it is made of.
+pub(super) fn told(clip: &Clip) -> Value {
+    let mut extras = json!({});
+    if !clip.pins.is_empty() {
+        extras["pins"] = json!(clip.pins);
+    }
+    if let Some(fabric) = clip.fabric(0) {
+        extras["fabric"] = json!(fabric);
+    }
+    extras
+}
+
 impl Film {
     /// Begun over what is there already.
     pub fn over(clip: &Clip, (root, mut bin): (Root, Bin)) -> Self {
@@ -349,7 +361,7 @@ impl Film {
                 json!({ "POSITION": moves, "NORMAL": self.bin.bytes(&bends) })
             })
             .collect();
-        let mut extras = json!({});
+        let mut extras = told(clip);
         if !clip.corners.is_empty() {
             let corners: Vec<u8> = clip
                 .corners
@@ -359,12 +371,6 @@ impl Film {
                 .flat_map(f32::to_le_bytes)
                 .collect();
             extras["rest_corners"] = json!({ "bufferView": self.bin.blob(&corners) });
-        }
-        if !clip.pins.is_empty() {
-            extras["pins"] = json!(clip.pins);
-        }
-        if let Some(fabric) = clip.fabric(0) {
-            extras["fabric"] = json!(fabric);
         }
         let mut mesh = json!({ "name": node.name, "primitives": [primitive], "extras": extras });
         if !targets.is_empty() {

@@ -31,7 +31,9 @@ impl CharacterFile {
             let picture = pictures
                 .entry(source)
                 .or_insert_with(|| picture(&self.glb, source));
-            let set = int(&texture["texCoord"]).unwrap_or(0);
+            let moved = &texture["extensions"]["KHR_texture_transform"];
+            let set = int(&moved["texCoord"]).or_else(|| int(&texture["texCoord"]));
+            let set = set.unwrap_or(0);
             let places = self
                 .glb
                 .numbers(&part["attributes"][format!("TEXCOORD_{set}")]);
@@ -40,7 +42,7 @@ impl CharacterFile {
             };
             let own = all[piece.verts.clone()].iter_mut();
             for (colour, uv) in own.zip(places.flat.as_chunks::<2>().0) {
-                let seen = at(picture, *uv);
+                let seen = at(picture, transformed(moved, *uv));
                 *colour = [0, 1, 2].map(|k| colour[k] * seen[k]);
             }
         }
@@ -75,6 +77,16 @@ fn picture(glb: &Glb, source: usize) -> Option<Image> {
     decode_photo(&input, &PhotoLimits::default()).ok()
 }
 
+/// Where in a picture a place is that it is scaled, turned and moved for (`KHR_texture_transform`).
+fn transformed(how: &Value, uv: [f64; 2]) -> [f64; 2] {
+    let pair = |name: &str, or: f64| [0, 1].map(|k| how[name][k].as_f64().unwrap_or(or));
+    let (offset, scale) = (pair("offset", 0.0), pair("scale", 1.0));
+    let (sin, cos) = how["rotation"].as_f64().unwrap_or(0.0).sin_cos();
+    let [u, v] = [uv[0] * scale[0], uv[1] * scale[1]];
+    // Counter-clockwise where `v` goes down.
+    [cos * u + sin * v + offset[0], cos * v - sin * u + offset[1]]
+}
+
 /// Linear light of the pixel at a place, from the top left; pictures repeat.
 fn at(picture: &Image, uv: [f64; 2]) -> [f32; 3] {
     let pixel = |x: f64, n: usize| ((x.rem_euclid(1.0) * n as f64) as usize).min(n - 1);
@@ -85,7 +97,21 @@ fn at(picture: &Image, uv: [f64; 2]) -> [f32; 3] {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use serde_json::json;
+
     use super::*;
+
+    #[test]
+    fn places_are_scaled_then_turned_then_moved() {
+        let close = |a: [f64; 2], b: [f64; 2]| (0..2).all(|k| (a[k] - b[k]).abs() < 1e-12);
+        assert_eq!(transformed(&Value::Null, [0.3, 0.7]), [0.3, 0.7]);
+        let atlas = json!({ "offset": [0.5, 0.25], "scale": [0.5, 0.25] });
+        assert!(close(transformed(&atlas, [1.0, 1.0]), [1.0, 0.5]));
+        let turned = json!({ "rotation": FRAC_PI_2, "scale": [2.0, 1.0], "offset": [0.0, 1.0] });
+        assert!(close(transformed(&turned, [0.25, 0.0]), [0.0, 0.5]));
+    }
 
     #[test]
     fn pictures_repeat_and_are_seen_from_the_top_left() {

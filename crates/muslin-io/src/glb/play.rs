@@ -297,7 +297,8 @@ impl<'a> Stage<'a> {
         if end > MAX_SECONDS {
             return Err(glb.large(&pointer, "it is too long", format!("{MAX_SECONDS} s")));
         }
-        let frames = ((end * fps).floor() as usize).saturating_add(1);
+        // Times are single floats: an end that is a frame's is there but for their rounding.
+        let frames = ((end * fps * (1.0 + 1e-6)).floor() as usize).saturating_add(1);
         let most = MAX_PLAYED / (joints * size_of::<DAffine3>());
         let most = most.min(MAX_FRAMES);
         match frames <= most {

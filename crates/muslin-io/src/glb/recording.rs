@@ -84,7 +84,8 @@ fn chosen(glb: &Glb, clips: &[String], clip: Option<&str>) -> Result<usize, IoEr
 }
 
 /// The nodes that an animation turns or takes somewhere, those that are joints of a skin or bones of a human, and all
-/// above them, parents first: of several trees the one with most of them.
+/// above them, parents first: of several trees the one with most of them. Where a file says of no node what it is, those
+/// that hang from what moves are joints that stand still.
 fn moved(glb: &Glb, still: &Stage, clip: usize) -> Result<Vec<usize>, IoError> {
     let nodes = glb.list("nodes");
     let channels = glb.list("animations")[clip]["channels"].as_array();
@@ -94,13 +95,23 @@ fn moved(glb: &Glb, still: &Stage, clip: usize) -> Result<Vec<usize>, IoError> {
         .map(|t| &t["node"]);
     let skins = glb.list("skins").iter();
     let joints = skins.flat_map(|s| s["joints"].as_array().into_iter().flatten());
-    let bones = bones(glb).into_iter().map(|b| b.1);
-    let all = turned.chain(joints).chain(bones).filter_map(int);
-    let mut is_moved = vec![false; nodes.len()];
+    let human = bones(glb).into_iter().map(|b| b.1);
+    let all = turned.chain(joints).chain(human).filter_map(int);
+    let [mut is_moved, mut is_turned] = [(); 2].map(|()| vec![false; nodes.len()]);
     for node in all.filter(|n| *n < nodes.len() && !hangs_below_ours(still, nodes, *n)) {
         still.check_depth(glb, node)?;
-        is_moved[node] = true;
+        (is_moved[node], is_turned[node]) = (true, true);
         still.above(node).for_each(|n| is_moved[n] = true);
+    }
+    if glb.list("skins").is_empty() && bones(glb).is_empty() {
+        for node in 0..nodes.len() {
+            let shows = ["mesh", "camera"].iter().any(|k| !nodes[node][k].is_null());
+            let hangs = || still.above(node).take(nodes.len()).any(|n| is_turned[n]);
+            if !shows && hangs() && !hangs_below_ours(still, nodes, node) {
+                still.check_depth(glb, node)?;
+                is_moved[node] = true;
+            }
+        }
     }
     let mut all: Vec<usize> = (0..nodes.len()).filter(|n| is_moved[*n]).collect();
     // What is looked at, cameras and faces move beside the one who moves.

@@ -6,7 +6,7 @@ use glam::{DAffine3, DVec3};
 use muslin_geom::Report;
 use muslin_io::{
     Clip, Dressed, Moved, Output, Scene, Skinned, animated_png, dressed_glb, moving_glb, png,
-    report_json,
+    report_json, writable,
 };
 use rayon::prelude::*;
 
@@ -38,6 +38,9 @@ impl Folders {
     /// Opens the folders of all results.
     pub fn open(out: &Path, options: &SimulateOptions) -> Result<Self, Failure> {
         let parent = |p: &Path| p.parent().unwrap_or(Path::new("")).to_owned();
+        for file in [Some(out), options.npz.as_deref()].into_iter().flatten() {
+            writable(&named(file)).map_err(|e| file_failure(&e))?;
+        }
         let mut folders = vec![parent(out)];
         folders.extend(options.npz.as_deref().map(parent));
         folders.extend(options.pc2.clone());
@@ -52,7 +55,7 @@ impl Folders {
     pub fn write(mut self, made: &[Made]) -> Result<(), Failure> {
         for file in made {
             let folder = file.path.parent().unwrap_or(Path::new(""));
-            let name = muslin_io::name(Path::new(file.path.file_name().unwrap_or_default()));
+            let name = named(&file.path);
             let own = self.0.iter_mut().find(|(f, _)| f == folder);
             let (_, output) = own.expect("the folder of every result is opened");
             output
@@ -69,6 +72,21 @@ impl Folders {
 /// Of how many frames one is in the GLB.
 pub fn stride(frames: usize) -> usize {
     frames.saturating_sub(1).div_ceil(MOST_TARGETS).max(1)
+}
+
+/// What there is to be said where the GLB has not all frames.
+pub fn thinned(clip: &Clip, bake: Bake) -> Option<String> {
+    let step = stride(clip.drape.frames.len());
+    (step > 1 && bake.is_exact()).then(|| {
+        let nth = match step {
+            2 => "every second".to_owned(),
+            3 => "every third".to_owned(),
+            n => format!("every {n}th"),
+        };
+        format!(
+            "the GLB has {nth} frame, since viewers take 240 morph targets; --bake, --npz and --pc2 have all"
+        )
+    })
 }
 
 /// The bytes of all results but the report, and how far a baked animation is from the frames.
@@ -125,22 +143,56 @@ pub fn make(
     Ok((made, judged))
 }
 
-/// The report beside the main file of a training, where this one's is to go, gets a name of its own; which, if there is one.
-pub fn make_way(out: &Path) -> Result<Option<String>, Failure> {
+/// The report beside the main file of a training, where this one's is to go, as a file of a name that is free, and what
+/// there is to be said of it; nothing, where no such report is in the way.
+pub fn make_way(out: &Path) -> Result<Option<(Made, String)>, Failure> {
     let taken = beside(out, "report.json");
     if !tell::tells_of(&taken, "learnt_from") {
         return Ok(None);
     }
-    let free = beside(out, "training.json");
+    let numbered = (2..).map(|n| beside(out, &format!("training-{n}.json")));
+    let mut all = std::iter::once(beside(out, "training.json")).chain(numbered);
+    let free = all.find(|p| !p.exists()).expect("numbers do not end");
     let fault = |e: std::io::Error| {
-        Failure::new(Exit::Files, "cannot-write", e.to_string()).at(taken.display().to_string())
+        Failure::new(Exit::Files, "cannot-read", e.to_string()).at(taken.display().to_string())
     };
-    std::fs::rename(&taken, &free).map_err(fault)?;
-    Ok(Some(format!(
+    let bytes = std::fs::read(&taken).map_err(fault)?;
+    let told = format!(
         "{} told of a training and is called {} now",
         taken.display(),
         free.display()
-    )))
+    );
+    Ok(Some((Made { path: free, bytes }, told)))
+}
+
+/// What there is to be said of files of a run before that whoever reads these results would take for some of them.
+pub fn leftovers(options: &SimulateOptions, made: &[Made]) -> Vec<String> {
+    let is_made = |path: &Path| made.iter().any(|m| m.path == path);
+    let mut told = Vec::new();
+    if let Some(npz) = options.npz.as_deref().filter(|p| !is_made(p) && p.exists()) {
+        told.push(format!(
+            "{0} is of a run before, and garments have files of their own now: remove it, or `muslin evaluate {0}` reads it",
+            npz.display()
+        ));
+    }
+    let caches = options
+        .pc2
+        .as_deref()
+        .map(|f| muslin_io::files_in(f, &["pc2"]));
+    let mut old: Vec<String> = Vec::new();
+    for path in caches.and_then(Result::ok).unwrap_or_default() {
+        if !is_made(&path) {
+            old.push(named(&path));
+        }
+    }
+    if let (Some(folder), false) = (&options.pc2, old.is_empty()) {
+        told.push(format!(
+            "{} has caches of a run before ({}): remove them, or whoever reads the folder takes them for garments of this one",
+            folder.display(),
+            old.join(", ")
+        ));
+    }
+    told
 }
 
 fn beside(out: &Path, kind: &str) -> PathBuf {
@@ -153,6 +205,10 @@ pub fn report(out: &Path, report: &Report) -> Made {
         path: beside(out, "report.json"),
         bytes: report_json(report).into_bytes(),
     }
+}
+
+fn named(path: &Path) -> String {
+    muslin_io::name(Path::new(path.file_name().unwrap_or_default()))
 }
 
 fn stem(path: &Path) -> String {
@@ -253,13 +309,44 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("muslin-way-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("our own folder");
         let (out, report) = (folder.join("tee.glb"), folder.join("tee.report.json"));
-        assert_eq!(make_way(&out), Ok(None));
+        assert!(make_way(&out).expect("nothing is there").is_none());
         std::fs::write(&report, "{\"learnt_from\": {}}").expect("it is written");
-        let told = make_way(&out).expect("it has a name");
-        assert!(told.is_some_and(|t| t.contains("tee.training.json")));
-        assert!(!report.exists() && folder.join("tee.training.json").exists());
+        std::fs::write(folder.join("tee.training.json"), "{}").expect("it is written");
+        let (kept, told) = make_way(&out)
+            .expect("it is readable")
+            .expect("it is in the way");
+        assert!(told.contains("tee.training-2.json"), "{told}");
+        assert_eq!(kept.path, folder.join("tee.training-2.json"));
+        assert_eq!(kept.bytes, b"{\"learnt_from\": {}}");
+        assert!(report.exists() && !kept.path.exists());
         std::fs::write(&report, "{\"animation\": {}}").expect("it is written");
-        assert_eq!(make_way(&out), Ok(None));
+        assert!(make_way(&out).expect("it is nobody's").is_none());
+        std::fs::remove_dir_all(&folder).expect("our own folder");
+    }
+
+    #[test]
+    fn files_of_a_run_before_are_told_of() {
+        let folder = std::env::temp_dir().join(format!("muslin-left-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("our own folder");
+        let there = |name: &str| {
+            let path = folder.join(name);
+            std::fs::write(&path, "").expect("it is written");
+            Made {
+                path,
+                bytes: Vec::new(),
+            }
+        };
+        let options = SimulateOptions {
+            npz: Some(folder.join("w.npz")),
+            pc2: Some(folder.clone()),
+            ..SimulateOptions::default()
+        };
+        let (whole, cache) = (there("w.npz"), there("tee.pc2"));
+        let both = [whole, cache];
+        assert_eq!(leftovers(&options, &both), Vec::<String>::new());
+        let told = leftovers(&options, &[there("w.tee.npz"), there("skirt.pc2")]);
+        assert!(told[0].contains("w.npz is of a run before"), "{told:?}");
+        assert!(told[1].contains("(tee.pc2)"), "{told:?}");
         std::fs::remove_dir_all(&folder).expect("our own folder");
     }
 

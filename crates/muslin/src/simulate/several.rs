@@ -118,7 +118,7 @@ pub(crate) fn expanded(motions: &[String]) -> Result<Vec<String>, Failure> {
             let fault = Failure::new(
                 Exit::Invalid,
                 "no-motions",
-                "no .bvh or .npz in this folder",
+                "no .bvh, .npz or .vrma in this folder",
             );
             return Err(fault.at(motion.clone()));
         }
@@ -142,6 +142,7 @@ fn jobs(motions: &[String], out: &Path, options: &SimulateOptions) -> Result<Vec
     let job = |motion: &String| {
         let (file, part) = motion::named(motion);
         let stem = muslin_io::name(Path::new(file.file_stem().unwrap_or_default()));
+        let stem = stem.replace(|c: char| ":\\".contains(c) || c.is_control(), "-");
         let name = match part {
             Some(part) => format!(
                 "{stem}-{}",

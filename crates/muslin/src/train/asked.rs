@@ -1,8 +1,18 @@
 //! What a training was asked for, so that it can be asked for again.
 
+use std::path::Path;
+
+use muslin_io::read_file;
+use muslin_model::Precision;
 use muslin_train::published::{StretchLaw, System};
 
 use super::options::{Skinning, TrainOptions};
+use crate::brought::{is_file, numbered};
+use crate::fabric;
+use crate::options::Wear;
+
+/// Garments and fabrics are not larger [bytes].
+const MOST_HASHED: u64 = 512 << 20;
 
 /// The options that the result depends on besides who wears what and the motions, as the command line says them; what was not
 /// said with its usual value.
@@ -34,8 +44,33 @@ pub(super) fn asked(options: &TrainOptions) -> String {
     if let Some(edge) = options.coarse {
         say("coarse", (edge * 1000.0).to_string());
     }
+    if let Some(precision) = options.weights {
+        let numbers = match precision {
+            Precision::Single => "f32",
+            Precision::Half => "f16",
+            Precision::Twelve => "i12",
+            Precision::Eight => "i8",
+        };
+        say("weights", numbers.into());
+    }
     say("seed", options.seed.to_string());
     list.join(" ")
+}
+
+/// Which files of garment and fabric it is made of, by hash; nothing where both are ours.
+pub(super) fn hashes(wear: &Wear) -> String {
+    let garment = is_file(&wear.garment).then(|| numbered(&wear.garment).0);
+    let cloth = wear.fabric.as_deref().filter(|f| fabric::is_file(f));
+    let one = |file: &str| {
+        let input = read_file(Path::new(file), MOST_HASHED).ok()?;
+        Some(format!("{file} {}", input.sha256()))
+    };
+    let all: Vec<String> = [garment, cloth]
+        .into_iter()
+        .flatten()
+        .filter_map(one)
+        .collect();
+    all.join("; ")
 }
 
 fn ours(options: &TrainOptions, say: &mut impl FnMut(&str, String)) {
@@ -86,6 +121,27 @@ mod tests {
     use super::*;
 
     #[test]
+    fn other_files_of_the_same_name_are_another_training() {
+        let folder = std::env::temp_dir().join(format!("muslin-asked-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a temporary folder");
+        let file = folder.join("own.toml");
+        let worn = Wear {
+            garment: "tee".into(),
+            fabric: Some(file.display().to_string()),
+        };
+        let told = ["mass_g_m2 = 60", "mass_g_m2 = 300"].map(|text| {
+            std::fs::write(&file, text).expect("a small file");
+            hashes(&worn)
+        });
+        std::fs::remove_dir_all(&folder).expect("our own folder");
+        assert!(
+            told[0].contains("own.toml ") && told[0] != told[1],
+            "{told:?}"
+        );
+        assert_eq!(hashes(&Wear::parse("tee:denim")), "");
+    }
+
+    #[test]
     fn every_option_of_a_system_is_told_and_none_of_another() {
         let told = |system| {
             asked(&TrainOptions {
@@ -106,6 +162,12 @@ mod tests {
         ] {
             assert!(ours.contains(option), "{option}: {ours}");
         }
+        assert!(!ours.contains("--weights"), "{ours}");
+        let rough = asked(&TrainOptions {
+            weights: Some(Precision::Eight),
+            ..TrainOptions::default()
+        });
+        assert!(rough.contains("--weights i8"), "{rough}");
         let usual = asked(&TrainOptions {
             system: Some(System::Pbns),
             ..TrainOptions::default()

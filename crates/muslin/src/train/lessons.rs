@@ -167,6 +167,14 @@ impl Class {
         }
     }
 
+    /// The triangles of garment `k` by itself.
+    pub fn faces(&self, k: usize) -> Vec<[u32; 3]> {
+        let (part, cloth) = (&self.parts[k], &self.pupils[0].cloth);
+        let first = part.verts.start as u32;
+        let own = cloth.faces[part.faces.clone()].iter();
+        own.map(|f| f.map(|v| v - first)).collect()
+    }
+
     /// What it learnt from in all, that which the model at the beginning learnt from first.
     pub fn sources(&self, own: &[String]) -> Vec<String> {
         let before = self.begun.as_ref().and_then(|m| m.notes.get("trained_on"));
