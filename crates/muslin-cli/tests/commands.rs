@@ -204,6 +204,33 @@ fn a_place_that_cannot_be_written_is_told_before_the_work() {
 }
 
 #[test]
+fn one_job_at_a_time_dresses_into_a_folder() {
+    let folder = Folder::new("twice");
+    let out = folder.at("out");
+    std::fs::create_dir_all(&out).expect("our own folder");
+    let look = Path::new(&out).join("look.glb");
+    let other = muslin_io::Lock::hold(&look).expect("nobody has it");
+    let args = [
+        "dress",
+        "--pose",
+        "stand",
+        "--garment",
+        "skirt",
+        "--edge",
+        "25",
+        "-o",
+        &out,
+    ];
+    let (status, errors) = code(&args);
+    assert_eq!(status, Some(8), "{errors}");
+    assert!(errors.contains("look.glb"), "{errors}");
+    drop(other);
+    assert_eq!(names(&out), [""; 0]);
+    let (status, errors) = code(&args);
+    assert_eq!(status, Some(0), "{errors}");
+}
+
+#[test]
 fn near_names_are_offered() {
     let (_, errors) = code(&["dress", "--pose", "stand", "--garment", "trouser"]);
     assert!(errors.contains("trousers"), "{errors}");

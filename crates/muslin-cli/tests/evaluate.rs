@@ -221,7 +221,10 @@ fn the_solver_is_somebody_to_hold_a_file_against() {
             "\"fabric\": \"silk-charmeuse\"",
         ),
     ] {
-        let mut args = vec![&file[..], "--against", whom, "--samples", "2", "--json"];
+        let mut args = vec![&file[..], "--against", whom, "--json"];
+        if whom == "minimiser" {
+            args.extend(["--samples", "2"]);
+        }
         args.extend(fabric.iter().flat_map(|f| ["--fabric", f]));
         let out = evaluate(&args);
         let json = String::from_utf8_lossy(&out.stdout).into_owned();
@@ -236,6 +239,10 @@ fn the_solver_is_somebody_to_hold_a_file_against() {
             assert!(json.contains(part), "{part} is missing:\n{json}");
         }
     }
+    let out = evaluate(&[&file, "--against", "simulator", "--samples", "2"]);
+    let errors = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(2), "{errors}");
+    assert!(errors.contains("--samples"), "{errors}");
     let bare = folder.put("bare.npz", &falling(0.0));
     let out = evaluate(&[&bare, "--against", "minimiser"]);
     let errors = String::from_utf8_lossy(&out.stderr);

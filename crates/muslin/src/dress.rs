@@ -9,7 +9,7 @@ use muslin_fit::solve::{Fit, FitOptions, Fitter};
 use muslin_fit::{Camera, UNSEEN};
 use muslin_geom::{Image, Report, Value};
 use muslin_io::{
-    Output, Photo, PhotoLimits, animated_png, flatten, glb, png, read_photo, report_json,
+    Lock, Output, Photo, PhotoLimits, animated_png, flatten, glb, png, read_photo, report_json,
 };
 
 use crate::drape::{Dressed, drape_outfit, lay_outfit};
@@ -380,6 +380,8 @@ impl<'a, 'w> Job<'a, 'w> {
     fn clothe(mut self, model: &Model, cut: &Cut, out: &Path) -> Result<Outcome, Failure> {
         // An unwritable folder must be known before the work is done.
         let output = Output::open(out).map_err(|e| file_failure(&e))?;
+        // Files of two jobs must not come to lie beside each other.
+        let _alone = Lock::hold(&out.join("look.glb")).map_err(|e| file_failure(&e))?;
         let outfit = cut.told(self.watch)?;
         let wearer = Wearer {
             avatar: self.avatar,
