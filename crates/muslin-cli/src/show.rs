@@ -170,6 +170,7 @@ fn evaluate(e: &Evaluate) -> Result<(), Failure> {
 }
 
 fn bench(bench: &Bench) -> Result<(), Failure> {
+    bench.check()?;
     let data = bench.data.as_deref();
     let report = match bench.what {
         BenchKind::Body => muslin::bench::body(),
@@ -185,7 +186,7 @@ fn bench(bench: &Bench) -> Result<(), Failure> {
             Some(home) if bench.only.is_empty() => {
                 let scene = home.join("scene");
                 let out = bench.out.as_deref().unwrap_or(&scene);
-                muslin::bench::peers(home, (bench.rounds, out))
+                muslin::bench::peers(home, (bench.times(), out))
             }
             _ => shown(false, |watch| muslin::bench::cloth(&bench.walks(), watch)),
         },

@@ -204,6 +204,53 @@ fn a_place_that_cannot_be_written_is_told_before_the_work() {
 }
 
 #[test]
+fn what_is_read_is_never_written_over_or_taken_away() {
+    let folder = Folder::new("same");
+    folder.put("front.png", &grey());
+    let hero = folder.put("hero.glb", b"glTF");
+    let fabric = folder.put("report.json", b"{}");
+    let out = folder.at(".");
+    for args in [
+        vec!["dress", "--pose", "stand", "--fabric", &fabric, "-o", &out],
+        vec!["simulate", "--body", &hero, "-o", &hero],
+    ] {
+        let (status, errors) = code(&args);
+        assert_eq!(status, Some(2), "{args:?}: {errors}");
+        assert!(errors.contains("error[same-file]"), "{args:?}: {errors}");
+    }
+    let (status, errors) = code(&["bench", "body", "--only", "nothing"]);
+    assert_eq!(status, Some(2), "{errors}");
+    assert!(errors.contains("--only"), "{errors}");
+    assert_eq!(names(&out), ["front.png", "hero.glb", "report.json"]);
+    // Somebody's picture that is called as a result was once.
+    let dressed = |more: &[&str]| {
+        let args = [
+            "dress",
+            "--pose",
+            "stand",
+            "--garment",
+            "skirt",
+            "--edge",
+            "25",
+        ];
+        let (status, errors) = code(&[&args[..], more].concat());
+        assert_eq!(status, Some(0), "{errors}");
+    };
+    let out = folder.at("out");
+    dressed(&["-o", &out]);
+    let report = Path::new(&out).join("report.json");
+    let told = std::fs::read_to_string(&report).expect("it was written");
+    let told = told.replace("\"front.png\":", "\"overlay.png\": 5,\n    \"front.png\":");
+    let mine = Path::new(&out).join("overlay.png");
+    for (bytes, stays) in [(&b"other"[..], false), (&b"others"[..], true)] {
+        std::fs::write(&report, &told).expect("our own file");
+        std::fs::write(&mine, bytes).expect("our own file");
+        dressed(&["-o", &out]);
+        assert_eq!(mine.exists(), stays);
+    }
+}
+
+#[test]
 fn one_job_at_a_time_dresses_into_a_folder() {
     let folder = Folder::new("twice");
     let out = folder.at("out");

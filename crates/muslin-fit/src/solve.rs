@@ -199,9 +199,10 @@ impl<'a> Fitter<'a> {
             Some(m) => m,
             None => self.avatar.height_of(&shape)?,
         };
-        match self.of_mass(&shape, metres, (kg, off))? {
-            Some(met) => Ok(met),
-            None => Ok(shape.with_height_and_mass(self.avatar, metres, kg)?),
+        // Where secants leave what a body can be, another height may have the weight all the same.
+        match self.of_mass(&shape, metres, (kg, off)) {
+            Ok(Some(met)) => Ok(met),
+            _ => Ok(shape.with_height_and_mass(self.avatar, metres, kg)?),
         }
     }
 
@@ -248,6 +249,9 @@ impl<'a> Fitter<'a> {
             let h = tall.phenotypes[HEIGHT];
             let next = (h + missing / slope).clamp(0.0, 1.0);
             tall.phenotypes[HEIGHT] = next;
+            if next == h {
+                break;
+            }
             let still = metres - self.avatar.height_of(&tall)?;
             slope = (missing - still) / (next - h);
             missing = still;
@@ -454,4 +458,28 @@ fn reprojection(evidence: &Evidence, guess: &Guess, markers: &[DVec3]) -> f64 {
         clear
     };
     counted.iter().map(miss).sum::<f64>() / counted.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_and_light_people_have_a_body_and_no_number_is_lost() {
+        let avatar = Avatar::embedded().expect("a sound body");
+        let fitter = Fitter::new(&avatar).expect("a human rig");
+        let asked = |metres: f64, kg: f64| {
+            let options = FitOptions {
+                height_m: Some(metres),
+                weight_kg: Some(kg),
+                ..FitOptions::default()
+            };
+            fitter.met(Shape::default(), &options, MASS_OFF)
+        };
+        let shape = asked(1.29, 30.0).expect("in reach");
+        let off = avatar.height_of(&shape).expect("a height") - 1.29;
+        assert!(off.abs() < 1e-3, "{off}");
+        let fault = asked(0.9, 30.0).expect_err("no adult is as short");
+        assert!(!fault.to_string().contains("NaN"), "{fault}");
+    }
 }

@@ -44,15 +44,17 @@ pub fn overlay(photo: &Image, scene: &Scene, camera: &Camera, opacity: f64) -> I
 
 /// Lays a premultiplied colour, thinned to `opacity`, and the outline over a pixel.
 fn blend(pixel: [u8; 4], colour: Vec4, line: f32, opacity: f32) -> [u8; 4] {
-    let under = tone::light(pixel);
-    let body = under * (1.0 - colour.w * opacity) + colour.truncate() * opacity;
-    let [r, g, b] = tone::bytes(body.lerp(OUTLINE, line), 0.0);
-    [
-        r,
-        g,
-        b,
-        pixel[3].max(((colour.w * opacity).max(line) * 255.0 + 0.5) as u8),
-    ]
+    // What stands behind a transparent pixel is no colour of the photo.
+    let under = f32::from(pixel[3]) / 255.0 * (1.0 - colour.w * opacity);
+    let covered = under + colour.w * opacity;
+    let body = tone::light(pixel) * under + colour.truncate() * opacity;
+    let alpha = covered + line * (1.0 - covered);
+    if alpha <= 0.0 {
+        return pixel;
+    }
+    let light = (body * (1.0 - line) + OUTLINE * line) / alpha;
+    let [r, g, b] = tone::bytes(light, 0.0);
+    [r, g, b, (alpha * 255.0 + 0.5) as u8]
 }
 
 /// The figure alone: premultiplied linear colour, and how much outline, per pixel.

@@ -304,6 +304,16 @@ fn an_overlay_changes_only_what_the_figure_covers() {
         over_white.pixels[middle][2] > out.pixels[middle][2],
         "the photo shows through"
     );
+    // What lies behind a transparent pixel is nobody's colour.
+    let [red, blue] = [[255, 0, 0, 0], [0, 0, 255, 0]].map(|c| {
+        let photo = Image::filled(300, 200, c);
+        overlay(&photo, &scene, &camera, 0.5).pixels[middle]
+    });
+    assert_eq!(red, blue);
+    assert!(
+        (120..136).contains(&red[3]),
+        "half of it is covered: {red:?}"
+    );
 }
 
 #[test]

@@ -62,7 +62,7 @@ pub fn animate(
     let simulate = as_trained(&models, &options.simulate)?;
     let hero = Hero::load(&simulate.dress)?;
     let avatar = avatar_of(hero.as_ref())?;
-    let folders = Folders::open(out, &simulate)?;
+    let folders = Folders::open(out, &simulate, options.models.clone())?;
     let mut stage = Theatre {
         hero: hero.as_ref(),
         options,

@@ -12,6 +12,7 @@ use muslin_io::{
     Lock, Output, Photo, PhotoLimits, animated_png, flatten, glb, png, read_photo, report_json,
 };
 
+use crate::apart::{apart, worn};
 use crate::drape::{Dressed, drape_outfit, lay_outfit};
 use crate::failure::{Exit, Failure};
 use crate::figure::{Sitter, body_failure};
@@ -79,6 +80,7 @@ pub fn dress_pose(
     watch: &mut Watch,
 ) -> Result<Outcome, Failure> {
     options.check()?;
+    apart(&worn(options), RESULTS.map(|name| out.join(name)))?;
     let avatar = Avatar::embedded().map_err(|e| body_failure(&e))?;
     let mut job = Job::new(&avatar, options, watch);
     let shape = asked_shape(&avatar, options)?;
@@ -146,7 +148,7 @@ fn dress_photo(
     let (avatar, found) = (avatar.map_err(|e| body_failure(&e))?, found?);
     let mut job = Job::new(&avatar, options, watch);
     job.report.set("photo", tell::photo(photo));
-    let chosen = choose(&found, options, photo, job.watch)?;
+    let chosen = choose(&found, photo, &mut job)?;
     // Whoever asks for all gets the same files of one as of several.
     let several = options.person == Person::All;
     let of = found.people.len();
@@ -158,10 +160,18 @@ fn dress_photo(
     };
     let folders: Vec<PathBuf> = chosen.iter().map(|&n| folder(n)).collect();
     let now: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
-    left_over(out, &now).iter().for_each(|w| job.watch.warn(w));
+    for warning in left_over(out, &now) {
+        job.warn(warning);
+    }
+    let mut read = worn(options);
+    read.push(PathBuf::from(&photo.file));
+    let all = folders
+        .iter()
+        .flat_map(|f| RESULTS.map(|name| f.join(name)));
+    apart(&read, all)?;
     for (&n, folder) in chosen.iter().zip(&folders) {
         let mut one = Job::new(&avatar, options, job.watch);
-        one.report = job.report.clone();
+        (one.report, one.warnings) = (job.report.clone(), job.warnings.clone());
         one.report.set("person", n).set("people", of);
         match one.dress_person((&found.people[n - 1], photo), &cut, folder) {
             Ok(outcome) => outcomes.push(outcome),
@@ -208,17 +218,12 @@ pub(crate) fn models() -> Result<Models, Failure> {
 }
 
 /// Numbers, from 1, of the people to dress.
-fn choose(
-    found: &Found,
-    options: &DressOptions,
-    photo: &Photo,
-    watch: &mut Watch,
-) -> Result<Vec<usize>, Failure> {
+fn choose(found: &Found, photo: &Photo, job: &mut Job) -> Result<Vec<usize>, Failure> {
     let n = found.people.len();
     if n == 0 {
         return Err(nobody(found).at(photo.file.clone()));
     }
-    match options.person {
+    match job.options.person {
         Person::All => Ok((1..=n).collect()),
         Person::Nth(k) if k <= n => Ok(vec![k]),
         Person::Nth(k) => {
@@ -227,7 +232,7 @@ fn choose(
         }
         Person::Largest => {
             if n > 1 {
-                watch.warn(&format!(
+                job.warn(format!(
                     "{n} people in the photo; dressing the largest. --person 2 takes the next, --person all everybody"
                 ));
             }
@@ -271,6 +276,9 @@ const STAGES: usize = 5;
 const TURNED: f64 = 0.25;
 /// The fitted body over the photo.
 const OVERLAY: &str = "overlay.png";
+/// What may be written to a folder.
+const RESULTS: [&str; 5] = ["look.glb", "front.png", "turntable.png", OVERLAY, REPORT];
+const REPORT: &str = "report.json";
 
 /// A body in its pose, as it fits a person.
 fn fitted(avatar: &Avatar, options: &DressOptions, seen: &Seen) -> Result<(Fit, Sitter), Failure> {
@@ -297,12 +305,6 @@ impl Cut {
         let mut warnings = Vec::new();
         let outfit = Outfit::make(avatar, options, |w| warnings.push(w.to_owned()));
         Self { outfit, warnings }
-    }
-
-    /// The outfit, and `watch` is warned.
-    fn told(&self, watch: &mut Watch) -> Result<Outfit, Failure> {
-        self.warnings.iter().for_each(|w| watch.warn(w));
-        self.outfit.clone()
     }
 }
 
@@ -381,8 +383,9 @@ impl<'a, 'w> Job<'a, 'w> {
         // An unwritable folder must be known before the work is done.
         let output = Output::open(out).map_err(|e| file_failure(&e))?;
         // Files of two jobs must not come to lie beside each other.
-        let _alone = Lock::hold(&out.join("look.glb")).map_err(|e| file_failure(&e))?;
-        let outfit = cut.told(self.watch)?;
+        let alone = Lock::hold(&out.join("look.glb")).map_err(|e| file_failure(&e))?;
+        cut.warnings.iter().for_each(|w| self.warn(w.clone()));
+        let outfit = cut.outfit.clone()?;
         let wearer = Wearer {
             avatar: self.avatar,
             shape: &model.sitter.shape,
@@ -422,17 +425,18 @@ impl<'a, 'w> Job<'a, 'w> {
                 turned.to_degrees()
             ));
         }
-        self.write(model, (&outfit, &dressed), (out, output))
+        self.write(model, (&outfit, &dressed), (out, output, alone))
     }
 
     fn write(
         mut self,
         model: &Model,
         (outfit, dressed): (&Outfit, &Dressed),
-        (out, mut output): (&Path, Output),
+        // The lock goes first: a folder that was made for nothing is empty then.
+        (out, mut output, _alone): (&Path, Output, Option<Lock>),
     ) -> Result<Outcome, Failure> {
         let mut files = self.files(model, (outfit, dressed))?;
-        let is_stale = !files.iter().any(|f| f.0 == OVERLAY) && told_of(out, OVERLAY);
+        let is_stale = !files.iter().any(|f| f.0 == OVERLAY) && is_as_told(out, OVERLAY);
         let written: Vec<_> = files
             .iter()
             .map(|(name, bytes)| (*name, bytes.len()))
@@ -446,7 +450,7 @@ impl<'a, 'w> Job<'a, 'w> {
         let warnings = self.warnings.iter().map(|w| Value::from(w.as_str()));
         self.report.set("warnings", warnings.collect::<Vec<_>>());
         tell::colophon(&mut self.report);
-        files.push(("report.json", report_json(&self.report).into_bytes()));
+        files.push((REPORT, report_json(&self.report).into_bytes()));
         for (name, bytes) in &files {
             output.add(name, bytes).map_err(|e| file_failure(&e))?;
         }
@@ -494,7 +498,15 @@ impl<'a, 'w> Job<'a, 'w> {
 
 /// Whether the report in a folder tells of a file of that name.
 fn told_of(folder: &Path, file: &str) -> bool {
-    tell::tells_of(&folder.join("report.json"), file)
+    tell::tells_of(&folder.join(REPORT), file)
+}
+
+/// Whether a result is there that an earlier run told of, as large as it was then: what somebody else has put in its place
+/// is not ours to take away.
+fn is_as_told(folder: &Path, file: &str) -> bool {
+    let told = tell::bytes_of(&folder.join(REPORT), file);
+    let there = std::fs::metadata(folder.join(file)).map(|m| m.len());
+    told.is_some_and(|bytes| there.is_ok_and(|b| b == bytes))
 }
 
 /// Results of earlier runs in `out` that those of `now` do not replace: of other people, perhaps.

@@ -23,6 +23,7 @@ use muslin_geom::{Aabb, Report, Value};
 use muslin_io::{Clip, read_clip, report_json, write_file};
 use rayon::prelude::*;
 
+use crate::apart::full;
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::outcome::Outcome;
@@ -140,7 +141,7 @@ pub fn evaluate_file(
 ) -> Result<Outcome, Failure> {
     let beside = beside(path);
     let target = options.out.as_deref().unwrap_or(&beside);
-    apart((path, options), target)?;
+    kept_apart((path, options), target)?;
     if let (Some(Against::File(_)), Some(_)) = (&options.against, &options.fabric) {
         let what = "it is for minimiser and simulator: a file's cloth is what that file has";
         return Err(Failure::new(Exit::Usage, "no-use", what).at("--fabric"));
@@ -231,7 +232,7 @@ fn beside(path: &Path) -> PathBuf {
 }
 
 /// Refuses to write over what is read, or both results into one file.
-fn apart((path, options): (&Path, &EvaluateOptions), target: &Path) -> Result<(), Failure> {
+fn kept_apart((path, options): (&Path, &EvaluateOptions), target: &Path) -> Result<(), Failure> {
     let against = match &options.against {
         Some(Against::File(file)) => Some(file.as_path()),
         _ => None,
@@ -246,7 +247,6 @@ fn apart((path, options): (&Path, &EvaluateOptions), target: &Path) -> Result<()
         .into_iter()
         .filter_map(|(o, p)| Some((o, p?)))
         .collect();
-    let full = |p: &Path| p.canonicalize().or_else(|_| std::path::absolute(p)).ok();
     for (k, (option, file)) in made.iter().enumerate() {
         let taken = read.iter().copied().chain(made[..k].iter().map(|m| m.1));
         if taken

@@ -8,6 +8,7 @@
 
 mod anew;
 mod animate;
+mod apart;
 mod begin;
 pub mod bench;
 mod brought;

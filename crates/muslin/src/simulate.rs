@@ -55,7 +55,7 @@ pub fn simulate(
     watch: &mut Watch,
 ) -> Result<Outcome, Failure> {
     options.check(out)?;
-    let folders = Folders::open(out, options)?;
+    let folders = Folders::open(out, options, Vec::new())?;
     on_set(options, watch, |run, set| run.film(set, (out, folders)))
 }
 

@@ -317,6 +317,14 @@ pub fn tells_of(report: &Path, name: &str) -> bool {
     text.contains(&format!("\"{name}\":"))
 }
 
+/// How large a report says that one of its files is.
+pub fn bytes_of(report: &Path, file: &str) -> Option<u64> {
+    let text = std::fs::read_to_string(report).ok()?;
+    let (_, after) = text.split_once(&format!("\"{file}\":"))?;
+    let digits = after.trim_start().split(|c: char| !c.is_ascii_digit());
+    digits.into_iter().next()?.parse().ok()
+}
+
 /// How reports name the photo that `demo` dresses.
 pub const BUILT_IN_PHOTO: &str = "the built-in photo";
 

@@ -26,6 +26,7 @@ use muslin_train::{
 };
 
 use crate::animate::{note_of, read_model};
+use crate::apart::{apart, worn};
 use crate::brought::is_file;
 use crate::drape::cloth_of;
 use crate::dress::file_failure;
@@ -35,7 +36,7 @@ use crate::hero::{Hero, avatar_of, body_note, standing};
 use crate::options::DressOptions;
 use crate::outcome::Outcome;
 use crate::outfit::Outfit;
-use crate::simulate::expanded;
+use crate::simulate::{expanded, motion};
 use crate::size::Size;
 use crate::swings;
 use crate::table::Table;
@@ -69,6 +70,15 @@ const KEEP_EVERY: f64 = 15.0;
 /// there and gives the same bits as one that was never stopped.
 pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Outcome, Failure> {
     options.check(out)?;
+    let mut read = worn(&options.dress);
+    read.extend(options.from.clone());
+    read.extend(
+        expanded(&options.motion)?
+            .iter()
+            .map(|m| motion::named(m).0.to_owned()),
+    );
+    let made = ["csv", "report.json"].map(|kind| beside(out, kind));
+    apart(&read, made.into_iter().chain([out.to_owned()]))?;
     let _alone = Lock::hold(out).map_err(|e| file_failure(&e))?;
     let options = &options.with_fabric(|w| watch.warn(w)).with_skinning();
     let hero = Hero::load(&options.dress)?;

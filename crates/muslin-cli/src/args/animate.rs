@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use muslin::{AnimateOptions, DressOptions, SimulateOptions, Wear};
 
-use super::common::{Build, OWN, Shot, Telling, character};
+use super::common::{Build, OWN, Shot, Telling, character, parted};
 
 /// Options of `animate`.
 #[derive(Debug, Args)]
@@ -27,7 +27,6 @@ pub struct Animate {
         long,
         visible_alias = "outfit",
         value_name = "NAME",
-        value_delimiter = ',',
         conflicts_with = "model"
     )]
     pub garment: Vec<String>,
@@ -78,7 +77,7 @@ impl Animate {
         // A model's garment stands in its file.
         let named = match self.garment.as_slice() {
             [] => vec!["tee"; self.model.len().max(1)],
-            named => named.iter().map(String::as_str).collect(),
+            named => parted(named).collect(),
         };
         let worn = |name: &str| {
             let worn = Wear::parse(name);

@@ -55,12 +55,20 @@ fn gender(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Garments that are given one by one or with commas between them; a file that is there may have commas in its name.
+pub(super) fn parted(garments: &[String]) -> impl Iterator<Item = &str> {
+    garments.iter().flat_map(|all| {
+        let whole = Path::new(&Wear::parse(all).garment).is_file();
+        all.split(move |c| c == ',' && !whole)
+    })
+}
+
 /// A body and its clothes.
 #[derive(Debug, Args)]
 pub struct Wearing {
     /// Garment or file (.json pattern, .obj mesh), or GARMENT:FABRIC; innermost first, repeated or comma-separated
     /// [default: trousers,tee for `dress`, else a tee].
-    #[arg(long, visible_alias = "outfit", value_delimiter = ',')]
+    #[arg(long, visible_alias = "outfit")]
     pub garment: Vec<String>,
     /// Fabric of every garment that names none (see `muslin list fabrics`), or a file of your own:
     /// TOML, or the physics of a U3M or U3MA.
@@ -90,7 +98,7 @@ impl Wearing {
             ..self.build.of(usual)
         };
         if !self.garment.is_empty() {
-            options.outfit = self.garment.iter().map(|g| Wear::parse(g)).collect();
+            options.outfit = parted(&self.garment).map(Wear::parse).collect();
         }
         for wear in &mut options.outfit {
             wear.fabric = wear.fabric.take().or_else(|| self.fabric.clone());

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use muslin::bench::{Trials, Walks};
-use muslin::{Against, DressOptions, EvaluateOptions, Wear};
+use muslin::{Against, DressOptions, EvaluateOptions, Exit, Failure, Wear};
 
 use super::common::{Build, OWN, Telling, character};
 
@@ -134,21 +134,63 @@ pub struct Bench {
     /// here, on one moving skirt; with --only, the parts named, and Newton's shirt among what walks.
     #[arg(long, value_name = "DIR")]
     pub peers: Option<PathBuf>,
-    /// How often every one of them runs, in turns, and what is timed in the cloth figures.
-    #[arg(long, default_value_t = 3)]
-    pub rounds: usize,
+    /// How often every one of them runs, in turns, and what is timed in the cloth figures [default: 3].
+    #[arg(long, value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..))]
+    pub rounds: Option<usize>,
     /// Where scene and frames of the peers go [default: DIR/scene].
     #[arg(short, long)]
     pub out: Option<PathBuf>,
 }
 
 impl Bench {
+    /// Refuses what the figures that are asked for do not go by: whoever says it believes that they do.
+    pub fn check(&self) -> Result<(), Failure> {
+        use BenchKind::{Cloth, Drape, Garments};
+        let of = |kinds: &[BenchKind]| kinds.contains(&self.what);
+        let (garments, cloth) = (of(&[Garments]), of(&[Cloth]));
+        let build = &self.build;
+        let wearer = build.height.is_some() || build.weight.is_some() || build.gender.is_some();
+        let alone = cloth && self.peers.is_some() && self.only.is_empty();
+        let wrong = [
+            (
+                "--only",
+                !self.only.is_empty() && !of(&[Drape, Garments, Cloth]),
+            ),
+            (
+                "--pictures",
+                self.pictures.is_some() && !of(&[Drape, Cloth]),
+            ),
+            ("--cases", self.cases.is_some() && !of(&[Drape, Garments])),
+            ("--model", !self.model.is_empty() && !garments),
+            ("--fabric", self.fabric.is_some() && !garments),
+            ("--body", character(&self.body).is_some() && !garments),
+            ("--height, --weight or --gender", wearer && !garments),
+            ("--size", build.size.is_some() && !garments),
+            ("--peers", self.peers.is_some() && !cloth),
+            ("--rounds", self.rounds.is_some() && !cloth),
+            ("--out", self.out.is_some() && !alone),
+        ];
+        match wrong.into_iter().find(|w| w.1) {
+            None => Ok(()),
+            Some((option, _)) => {
+                let what = "these figures do not go by it";
+                let fault = Failure::new(Exit::Usage, "no-use", what).at(option);
+                Err(fault.hint("leave it out; `muslin bench --help` says what it is for"))
+            }
+        }
+    }
+
+    /// How often whatever is timed runs.
+    pub fn times(&self) -> usize {
+        self.rounds.unwrap_or(3)
+    }
+
     /// What is measured in the cloth figures.
     pub fn walks(&self) -> Walks {
         Walks {
             data: self.data.clone(),
             peers: self.peers.clone(),
-            rounds: self.rounds,
+            rounds: self.times(),
             only: self.only.clone(),
             pictures: self.pictures.clone(),
         }
@@ -172,7 +214,7 @@ impl Bench {
 }
 
 /// What `bench` can measure.
-#[derive(Clone, Copy, Debug, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum BenchKind {
     /// The posed body.
     Body,

@@ -348,7 +348,7 @@ fn results_never_replace_what_is_read_or_each_other() {
             frames: frames.map(PathBuf::from),
             ..EvaluateOptions::default()
         };
-        let told = apart((Path::new("a.npz"), &options), Path::new(out));
+        let told = kept_apart((Path::new("a.npz"), &options), Path::new(out));
         told.err().map(|f| (f.exit, f.place))
     };
     assert_eq!(taken("a.json", Some("a.csv")), None);

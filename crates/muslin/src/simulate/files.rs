@@ -10,6 +10,7 @@ use muslin_io::{
 };
 use rayon::prelude::*;
 
+use crate::apart::{apart, worn};
 use crate::dress::file_failure;
 use crate::failure::{Exit, Failure};
 use crate::files;
@@ -17,6 +18,7 @@ use crate::hero::Hero;
 use crate::tell;
 
 use super::bake::{self, Judged};
+use super::motion;
 use super::set::Set;
 use super::{Bake, SimulateOptions, film};
 
@@ -32,11 +34,37 @@ pub struct Made {
 }
 
 /// Folders to be filled, checked before the work begins.
-pub struct Folders(Vec<(PathBuf, Output)>);
+pub struct Folders {
+    folders: Vec<(PathBuf, Output)>,
+    /// What the job reads.
+    read: Vec<PathBuf>,
+}
 
 impl Folders {
-    /// Opens the folders of all results.
-    pub fn open(out: &Path, options: &SimulateOptions) -> Result<Self, Failure> {
+    /// Opens the folders of all results of a job that reads these files, and what the options name.
+    pub fn open(
+        out: &Path,
+        options: &SimulateOptions,
+        mut read: Vec<PathBuf>,
+    ) -> Result<Self, Failure> {
+        read.extend(worn(&options.dress));
+        read.push(motion::named(&options.motion).0.to_owned());
+        let mut made = vec![out.to_owned(), beside(out, "report.json")];
+        made.extend(options.npz.clone());
+        if options.picture {
+            made.extend(["png", "film.png"].map(|kind| beside(out, kind)));
+        }
+        if let Some(folder) = &options.pc2 {
+            let garments = options
+                .dress
+                .outfit
+                .iter()
+                .map(|w| stem(Path::new(&w.garment)));
+            for name in garments.chain(["body".into()]) {
+                made.extend(["pc2", "obj"].map(|kind| folder.join(format!("{name}.{kind}"))));
+            }
+        }
+        apart(&read, made)?;
         let parent = |p: &Path| p.parent().unwrap_or(Path::new("")).to_owned();
         for file in [Some(out), options.npz.as_deref()].into_iter().flatten() {
             writable(&named(file)).map_err(|e| file_failure(&e))?;
@@ -48,21 +76,23 @@ impl Folders {
         folders.dedup();
         let open = |f: PathBuf| Output::open(&f).map(|o| (f, o));
         let opened: Result<Vec<_>, _> = folders.into_iter().map(open).collect();
-        opened.map(Self).map_err(|e| file_failure(&e))
+        let folders = opened.map_err(|e| file_failure(&e))?;
+        Ok(Self { folders, read })
     }
 
     /// Puts every file in its place: all of a folder's, or none.
     pub fn write(mut self, made: &[Made]) -> Result<(), Failure> {
+        apart(&self.read, made.iter().map(|m| m.path.clone()))?;
         for file in made {
             let folder = file.path.parent().unwrap_or(Path::new(""));
             let name = named(&file.path);
-            let own = self.0.iter_mut().find(|(f, _)| f == folder);
+            let own = self.folders.iter_mut().find(|(f, _)| f == folder);
             let (_, output) = own.expect("the folder of every result is opened");
             output
                 .add(&name, &file.bytes)
                 .map_err(|e| file_failure(&e))?;
         }
-        for (_, output) in self.0 {
+        for (_, output) in self.folders {
             output.commit().map_err(|e| file_failure(&e))?;
         }
         Ok(())

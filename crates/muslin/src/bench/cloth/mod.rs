@@ -330,7 +330,8 @@ fn draping(edges: &[f64]) -> Vec<Verdict> {
                 "{range}, spread {SPREAD}, listed {:.0}-{:.0} %",
                 told[0], told[1]
             ),
-            holds: inside && most - least <= SPREAD && as_told,
+            // Of what was refused nothing is known.
+            holds: all.iter().all(|c| c.is_finite()) && inside && most - least <= SPREAD && as_told,
         })
     };
     CUSICK.iter().filter_map(one).collect()
@@ -373,6 +374,9 @@ fn shaded(fabric: &Fabric, edge: f64, breath: DVec2) -> f64 {
 
 /// Share of the ring between what holds a disc up and the disc's own radius [m] that it shades [%].
 pub(super) fn coefficient(cloth: (&[DVec3], &[[u32; 3]]), (support, disc): (f64, f64)) -> f64 {
+    if cloth.0.is_empty() {
+        return f64::NAN;
+    }
     let (whole, top) = (disc * disc, support * support);
     let area = std::f64::consts::PI;
     100.0 * (shadow(cloth.0, cloth.1) - area * top) / (area * (whole - top))
