@@ -45,6 +45,8 @@ pub fn run(args: &[&str]) -> Outcome {
 
 /// Lets the writer's own tests write a sample of each kind.
 fn samples(folder: &Path) -> Result<Vec<String>, String> {
+    // What a run before has left is nobody's any more.
+    let _ = std::fs::remove_dir_all(folder);
     let mut cargo = Command::new(std::env::var("CARGO").unwrap_or_else(|_| "cargo".into()));
     cargo.args([
         "test",
@@ -63,7 +65,10 @@ fn samples(folder: &Path) -> Result<Vec<String>, String> {
     let mut files: Vec<String> = entries.flatten().map(path).collect();
     files.retain(|f| f.ends_with(".glb"));
     files.sort();
-    Ok(files)
+    match files.is_empty() {
+        true => Err("the tests that write samples wrote none".into()),
+        false => Ok(files),
+    }
 }
 
 /// What the validator says, a line a file.

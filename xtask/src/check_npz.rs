@@ -37,6 +37,8 @@ fn samples(folder: &Path) -> Result<Vec<String>, String> {
     let samples = folder.join("samples");
     let mut cargo = Command::new(std::env::var("CARGO").unwrap_or_else(|_| "cargo".into()));
     cargo.args(["test", "-q", "-p", "muslin-io", "--lib", "files_for_numpy"]);
+    // What a run before has left is nobody's any more.
+    let _ = std::fs::remove_dir_all(&samples);
     output(cargo.env("MUSLIN_NPZ_SAMPLES", &samples))?;
     let entries = std::fs::read_dir(&samples).map_err(|e| format!("{}: {e}", samples.display()))?;
     let mut files: Vec<String> = entries
@@ -44,7 +46,10 @@ fn samples(folder: &Path) -> Result<Vec<String>, String> {
         .map(|e| e.path().display().to_string())
         .collect();
     files.sort();
-    Ok(files)
+    match files.is_empty() {
+        true => Err("the tests that write samples wrote none".into()),
+        false => Ok(files),
+    }
 }
 
 /// Runs a program and returns what it prints.

@@ -103,9 +103,13 @@ fn sources_in(folder: &Path, into: &mut Vec<PathBuf>) -> Result<(), String> {
 }
 
 fn is_unsafe(source: &str) -> bool {
-    source
+    // Of a whole file, or of one thing in it.
+    let attributes = source
         .lines()
-        .any(|l| l.starts_with("#![allow(unsafe_code)]"))
+        .map(str::trim_start)
+        .filter(|l| l.starts_with('#'));
+    let mut allowed = attributes.filter(|l| l.contains("allow(") && l.contains("unsafe_code"));
+    allowed.next().is_some()
 }
 
 fn uses(manifest: &str) -> Vec<String> {
@@ -168,6 +172,14 @@ mod tests {
         assert_eq!(faults_of("muslin-a", &["muslin-b".into()], &rooms).len(), 2);
         assert_eq!(faults_of("muslin-b", &[], &rooms).len(), 1);
         assert_eq!(faults_of("muslin-c", &[], &rooms).len(), 1);
+    }
+
+    #[test]
+    fn what_allows_unsafe_code_is_found_wherever_it_stands() {
+        let allow =
+            ["#![allow(unsafe_", "    #[allow(unsafe_"].map(|a| format!("{a}code)]\nfn f() {{}}"));
+        assert!(allow.iter().all(|source| is_unsafe(source)));
+        assert!(!is_unsafe("// allow(unsafe_code)\n#![forbid(unsafe_code)]"));
     }
 
     #[test]

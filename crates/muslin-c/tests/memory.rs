@@ -106,6 +106,30 @@ fn frames_on_a_character_take_no_memory_and_refuse_what_is_no_place() {
     flat[3] = [0.0; 16];
     assert!(playing.frame_on(&flat).is_none());
     assert!(playing.frame_on(&joints).is_some());
+    // What leads no bone of ours may be hidden by scaling it to nothing.
+    let hidden = |k: usize| {
+        let mut hidden = joints.clone();
+        hidden[k] = [0.0; 16];
+        hidden
+    };
+    let all = (0..joints.len()).map(hidden);
+    let taken: Vec<bool> = all.map(|j| playing.frame_on(&j).is_some()).collect();
+    assert!(taken.contains(&true) && taken.contains(&false), "{taken:?}");
+    // Frames by turns know nothing of joints that moved apart before.
+    let turns = vec![[0.0, 0.0, 0.0, 1.0]; playing.bones().len()];
+    let calm = playing.frame(&turns, [0.0; 3]).expect("sound").to_vec();
+    let mut apart = joints.clone();
+    apart
+        .iter_mut()
+        .enumerate()
+        .for_each(|(k, m)| m[12] += 0.004 * k as f32);
+    playing.begin(0.1);
+    playing.frame_on(&apart).expect("sound");
+    playing.begin(0.1);
+    let again = playing.frame(&turns, [0.0; 3]).expect("sound");
+    assert_eq!(calm.first(), again.first());
+    // The least step that the header names is one.
+    playing.begin(f64::from(1e-4f32));
     let ours = DressOptions {
         outfit: vec![Wear::parse("tee")],
         ..DressOptions::default()

@@ -248,6 +248,14 @@ fn killed_at_any_moment_it_leaves_nothing_half_written_and_goes_on_to_the_same_b
     assert_eq!(done.status.code(), Some(0), "{}", errors(&done));
     let read = |p: &str| std::fs::read(p).expect("it was written");
     assert!(read(&out) == read(&whole), "they differ");
+    // What has ended is not done again, unless some of it is gone.
+    let again = muslin(&[&args(&out)[..], &["--resume"]].concat());
+    let told = String::from_utf8_lossy(&again.stdout).into_owned();
+    assert!(told.contains("there already"), "{told}{}", errors(&again));
+    std::fs::write(&out, "").expect("our own file");
+    let again = muslin(&[&args(&out)[..], &["--resume"]].concat());
+    assert_eq!(again.status.code(), Some(0), "{}", errors(&again));
+    assert!(read(&out) == read(&whole), "they differ");
     assert!(
         !folder.names().iter().any(|n| n.ends_with(".part")),
         "{:?}",

@@ -316,6 +316,14 @@ impl Model {
             "scale",
             self.scale.len() == self.encoder.n_inputs(drivers) + self.encoder.n_told(told),
         )?;
+        // A measure of the body that it is told is a trait of the wearer.
+        let known = match &self.encoder {
+            Encoder::Snug(s) => traits == 0 || (traits == s.body.len() && self.resizer.is_none()),
+            _ => true,
+        };
+        fits("traits", known)?;
+        // A vertex follows no bone twice.
+        fits("skin.weights", m <= n * self.bones.len().max(1))?;
         fits("bones", self.bones.len() <= MOST_BONES)?;
         let ordered = |t: &Trait| {
             let sound = t.range.iter().all(|x| x.is_finite());

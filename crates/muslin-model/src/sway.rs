@@ -82,7 +82,10 @@ impl Sway {
             &self.masses,
             &self.means,
         ];
+        // What stands for the cloth and what is held back are vertices, each at most once.
         k <= MOST
+            && m <= n
+            && self.walls.len() <= n
             && self.shapes.len() == 3 * n * k
             && self.means.len() == 3 * m * k
             && self.damping.len() == k

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use muslin_body::{Avatar, Figure, Motion, Pose, Shape, motions};
-use muslin_model::{Encoder, Model, Ncs, Player, Skin, Snug};
+use muslin_model::{Encoder, Model, Ncs, Player, Resizer, Skin, Snug, Trait};
 use muslin_net::Numbers;
 use muslin_net::learn::{Gru, Mlp, Noise, Nonlinear};
 
@@ -324,6 +324,26 @@ fn stored_and_read_again_it_is_the_same_kind_and_what_is_missing_is_named() {
             let mut other = whole.clone();
             other.arrays.get_mut(name).expect("it is there").numbers = Numbers::U32(vec![7; 5]);
             assert!(Model::from_weights(&other).is_err(), "{name}");
+        }
+        if matches!(model.encoder, Encoder::Snug(_)) {
+            // It would be told another body than it has room for.
+            let net = Mlp {
+                widths: vec![1, 2],
+                bend: Nonlinear::Silu,
+                bias: true,
+            };
+            let mut told = model.clone();
+            told.traits = vec![Trait {
+                name: "weight".into(),
+                value: 0.5,
+                range: [0.0, 1.0],
+            }];
+            told.resizer = Some(Resizer {
+                params: vec![0.0; net.n_params()],
+                modes: vec![0.0; 6 * told.n_verts()],
+                net,
+            });
+            assert!(told.check().is_err());
         }
         let mut unknown = whole.clone();
         unknown.notes.insert("network".into(), "vae".into());

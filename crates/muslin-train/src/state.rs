@@ -31,6 +31,7 @@ impl Trainer<'_> {
             "factored",
             Numbers::F32(now.factored.as_flattened().to_vec()),
         );
+        add("factored.at", Numbers::U32(vec![now.factored_at as u32]));
         let visits = now.packs.iter().map(|p| p.visits as u32).collect();
         add("visits", Numbers::U32(visits));
         let faces = now.packs.iter().flat_map(|p| p.faces.as_flattened());
@@ -70,6 +71,10 @@ impl Trainer<'_> {
             moments,
             walls: sixes(kept.floats("walls", 6 * old.walls.len())?),
             factored: sixes(kept.floats("factored", 6 * old.walls.len())?),
+            factored_at: kept
+                .counts("factored.at")?
+                .first()
+                .map_or(0, |s| u64::from(*s)),
             packs: old.packs.clone(),
             queue: kept.counts("queue")?,
             bad: kept.number("bad")?,

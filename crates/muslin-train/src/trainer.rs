@@ -120,6 +120,8 @@ pub(crate) struct Now {
     /// Mean stiffness of the walls at each vertex, and that which was factored last.
     pub walls: Vec<[f32; 6]>,
     pub factored: Vec<[f32; 6]>,
+    /// The step in which that was.
+    pub factored_at: u64,
     pub packs: Vec<Pack>,
     /// Packs yet to come in this round, last first.
     pub queue: Vec<u32>,
@@ -215,6 +217,7 @@ impl<'a> Trainer<'a> {
                 momentum: vec![0.0; 3 * n * k],
                 moments: vec![0.0; k * k],
                 factored: walls.clone(),
+                factored_at: 0,
                 walls,
                 packs,
                 queue: Vec::new(),
@@ -347,9 +350,14 @@ impl Training for Trainer<'_> {
         Ok(told)
     }
 
-    /// Too few poses to fill a pack tell nothing.
     fn judge(&self, motion: &Motion) -> Result<Told, TrainError> {
-        let poses = &thinned(motion.poses.clone(), JUDGED);
+        let some = thinned(motion.poses.clone(), JUDGED);
+        if some.is_empty() {
+            return Err(TrainError::FewPoses(0, 1));
+        }
+        // The last pack is filled up with the first poses again.
+        let whole = some.len().next_multiple_of(LANES);
+        let poses = &some.iter().cycle().take(whole).cloned().collect::<Vec<_>>();
         let how = (&self.wearers[..1], &self.reader, self.rig.as_slice());
         let mut packs = packs(poses, how, &mut Noise::new(0));
         rescale(&mut packs, &self.scale);
@@ -358,10 +366,7 @@ impl Training for Trainer<'_> {
             pack.skins = pack.poses.iter().map(skin).collect();
         });
         let works: Vec<Work> = packs.par_iter_mut().map(|p| self.work(p)).collect();
-        Ok(match works.is_empty() {
-            true => Told::default(),
-            false => self.told(&works),
-        })
+        Ok(self.told(&works))
     }
 
     fn model(&self, notes: BTreeMap<String, String>) -> Result<Model, TrainError> {

@@ -62,9 +62,12 @@ pub(crate) fn left_out(bad: &mut u64, fault: TrainError, told: Told) -> Result<T
     }
 }
 
-/// FNV-1a over the bits: tells trainings apart, guards against nobody.
+/// FNV-1a over the bytes: tells trainings apart, guards against nobody.
 pub(crate) fn sum(numbers: &mut dyn Iterator<Item = f64>) -> u64 {
-    numbers.fold(0, |h, x| (h ^ x.to_bits()).wrapping_mul(0x0100_0000_01b3))
+    let bytes = numbers.flat_map(|x| x.to_bits().to_le_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |h, b| {
+        (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
+    })
 }
 
 /// What the bits of a training depend on, in short: poses, which are the same for all lessons, cloths and bodies.
@@ -82,6 +85,7 @@ fn fingerprint<'a>(lesson: &Lesson<'_>, poses: impl Iterator<Item = &'a Pose>) -
         let root = p.root.to_array().into_iter();
         root.chain(p.rotations.iter().flat_map(|q| q.to_array()))
             .chain(p.shifts.iter().flat_map(|s| s.to_array()))
+            .chain(p.beyond.iter().flat_map(|a| a.to_cols_array()))
             .collect()
     };
     let cloth = lesson.cloth;
@@ -107,4 +111,19 @@ fn fingerprint<'a>(lesson: &Lesson<'_>, poses: impl Iterator<Item = &'a Pose>) -
         sum(&mut { (lesson.weights.rows().flatten()).flat_map(|e| [f64::from(e.0), e.1]) }),
     ];
     format!("{parts:x?}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_pair_of_signs_and_no_zero_is_lost_in_a_sum() {
+        let of = |numbers: &[f64]| sum(&mut numbers.iter().copied());
+        let all = [0.1, 0.3, -0.2, 0.9, 0.1, 0.35];
+        let mut other = all;
+        (other[1], other[5]) = (-0.3, -0.35);
+        assert_ne!(of(&all), of(&other));
+        assert_ne!(of(&[0.0, 0.0, 1.5]), of(&[1.5]));
+    }
 }

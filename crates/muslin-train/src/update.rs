@@ -104,14 +104,15 @@ impl Trainer<'_> {
         }
         if factors_at(now.step) {
             now.factored.clone_from(&now.walls);
+            now.factored_at = now.step;
             self.refactor();
         }
     }
 
-    /// Factors with the walls that were remembered last, and with the cloth as firm as it was then.
+    /// Factors with the walls that were remembered last, and with the cloth as firm as it was then: a step that was left
+    /// out has not factored.
     pub(crate) fn refactor(&mut self) {
-        let last = (0..=self.now.step).rev().find(|s| factors_at(*s));
-        let firm = self.firm_at(last.unwrap_or(0));
+        let firm = self.firm_at(self.now.factored_at);
         if !self.elastic.is_of(firm) {
             self.elastic = Elastic::new(&self.wearers, firm);
         }

@@ -720,6 +720,13 @@ mod tests {
             told.push(trainer.step().expect("finite"));
         }
         let last = trainer.judge(&wave).expect("on cores");
+        // A motion that is too short to fill a pack is judged by what it has.
+        let mut short = wave.clone();
+        short.poses.truncate(3);
+        let few = trainer.judge(&short).expect("three poses");
+        assert!(few.energies.membrane > 0.0, "{few:?}");
+        short.poses.clear();
+        assert!(trainer.judge(&short).is_err());
         let excess = |t: &crate::Told| t.energies.membrane + t.energies.contact;
         assert!(excess(&last) < 0.35 * excess(&first), "{first:?} {last:?}");
         assert!(last.under < 0.2 * first.under, "{first:?} {last:?}");

@@ -125,7 +125,7 @@ fn judge(
         report.set("contact", contact(clip, &frames, &sound));
     }
     report.set("self", crossings(clip, &frames, &sound));
-    report.set("time", time((clip, still), &frames));
+    report.set("time", time((clip, still), &frames, &sound));
     if let Some(told) = against(&cloth, &frames)? {
         report.set("against", told);
     }
@@ -365,7 +365,8 @@ fn energies(frames: &[Frame]) -> Report {
     );
     r.set(
         "residual_force_per_weight_free_vertices",
-        of(|f| f.residual),
+        // Frames in which all cloth lies on the body have none.
+        mean(frames.iter().map(|f| f.residual).filter(|r| r.is_finite())),
     );
     r
 }
@@ -477,14 +478,14 @@ fn crossings(clip: &Clip, frames: &[Frame], sound: &[bool]) -> Report {
     r
 }
 
-fn time((clip, still): (&Clip, Option<&Still>), frames: &[Frame]) -> Report {
+fn time((clip, still): (&Clip, Option<&Still>), frames: &[Frame], sound: &[bool]) -> Report {
     let mut r = Report::default();
     r.set(
         "acceleration_mean_m_s2",
         mean(frames.iter().filter_map(|f| f.acceleration)),
     );
     r.set("jerk_mean_m_s3", mean(frames.iter().filter_map(|f| f.jerk)));
-    if let Some(drift) = frame::drift(clip) {
+    if let Some(drift) = frame::drift(clip, sound) {
         r.set("drift_on_still_body_mm_10s", 1000.0 * drift);
     }
     if let Some(still) = still {

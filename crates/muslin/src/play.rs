@@ -114,7 +114,7 @@ fn worn_as(model: &Model, options: &DressOptions) -> Result<DressOptions, Failur
 
 /// Seconds from frame to frame: until they are said, and within what they may be.
 const STEP: f64 = 1.0 / 30.0;
-const STEPS: std::ops::RangeInclusive<f64> = 1e-4..=10.0;
+const STEPS: std::ops::RangeInclusive<f64> = 1e-4_f32 as f64..=10.0;
 
 impl Playing {
     /// The model in these bytes of a `.muslin` file, or without bytes that of the first garment of the options in
@@ -252,13 +252,15 @@ impl Playing {
     fn follow(&mut self, joints: &[[f32; 16]], normals: bool) -> Option<()> {
         let led = self.character.as_mut()?;
         assert_eq!(joints.len(), led.joints.len(), "a place per joint");
-        for (to, m) in led.joints.iter_mut().zip(joints) {
-            let place = DMat4::from_cols_array(&m.map(f64::from));
-            let is_sound = place.is_finite() && place.determinant().abs() > 1e-30;
-            if !is_sound {
-                return self.anew();
-            }
-            *to = led.ours_from_file * DAffine3::from_mat4(place);
+        let place = |j: usize| DMat4::from_cols_array(&joints[j].map(f64::from));
+        let is_sound = |j: usize| place(j).is_finite() && place(j).determinant().abs() > 1e-30;
+        // What leads no bone may be scaled to nothing, as what is hidden is.
+        if !led.follower.leading().all(is_sound) {
+            return self.anew();
+        }
+        let led = self.character.as_mut()?;
+        for j in led.follower.leading() {
+            led.joints[j] = led.ours_from_file * DAffine3::from_mat4(place(j));
         }
         led.follower.follow(&led.joints, &mut self.pose);
         self.lay(normals)?;
@@ -287,6 +289,8 @@ impl Playing {
             *to = DQuat::from_array(q.map(f64::from)).normalize();
         }
         self.pose.root = DVec3::from_array(root.map(f64::from));
+        // Joints that have moved apart did so on a character's skeleton.
+        self.pose.shifts.clear();
         self.lay(normals)
     }
 

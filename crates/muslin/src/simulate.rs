@@ -198,7 +198,13 @@ impl Run<'_, '_> {
 
     fn film(mut self, set: &Set, (out, folders): (&Path, Folders)) -> Result<Outcome, Failure> {
         let part = part(out);
+        let inputs = inputs(set, self.options);
+        if self.options.resume && !part.exists() && files::are_there(out, &inputs) {
+            let text = format!("there already  {}\n", out.display());
+            return Ok(Outcome::new(text, &self.report));
+        }
         let (clip, quality) = shot(set, Some((&part, self.options.resume)), self.watch)?;
+        self.report.set("inputs_sha256", inputs);
         self.report.set("simulation", quality.report());
         self.warn(quality.warnings(clip.drape.fps, true));
         self.done(4, "cloth", line(&quality))?;
@@ -244,6 +250,15 @@ impl Run<'_, '_> {
         self.report.set("seconds", self.times.clone());
         tell::colophon(&mut self.report);
     }
+}
+
+/// What all results follow from, in short: what frames do, and how they are written.
+fn inputs(set: &Set, options: &SimulateOptions) -> String {
+    let o = options;
+    let how = (o.bake, &o.npz, &o.pc2, o.picture, o.turn, o.dress.backdrop);
+    let frames = set.identity().into_iter();
+    let lines = frames.map(|(name, hash)| format!("{name} {hash}\n"));
+    muslin_io::sha256(format!("{}{how:?}", lines.collect::<String>()).as_bytes())
 }
 
 /// Where the frames are kept until all are there.

@@ -311,7 +311,9 @@ impl School<'_, '_> {
             after: 0.0,
         };
         let (last, log) = self.learn(&mut *trainer, &lap, sketch.as_ref())?;
-        if last.energies.total() > DIVERGED {
+        // What is no number is beyond it as well.
+        let is_sound = last.energies.total() <= DIVERGED;
+        if !is_sound {
             let what = format!(
                 "cloth has {:.1e} J a pose after {} steps",
                 last.energies.total(),

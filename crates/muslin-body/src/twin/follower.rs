@@ -65,6 +65,13 @@ impl Follower {
         }
     }
 
+    /// The joints that lead our bones.
+    pub fn leading(&self) -> impl Iterator<Item = usize> {
+        self.bones
+            .iter()
+            .filter_map(|b| Some(b.joint.as_ref()?.joint))
+    }
+
     /// Takes our body to where the character's joints are at `joints` (`world_from_joint`).
     ///
     /// # Panics

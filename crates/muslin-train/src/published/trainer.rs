@@ -385,7 +385,8 @@ impl Training for Published<'_> {
         let clips = Clips::new(vec![motion], usize::MAX);
         let n = clips.windows.len();
         if n == 0 {
-            return Ok(Told::default());
+            let poses = clips.motions.iter().map(|c| c.poses.len()).sum();
+            return Err(TrainError::FewPoses(poses, 2));
         }
         let ends = std::array::from_fn(|lane| clips.windows[lane * n / LANES]);
         let chance = Chance {

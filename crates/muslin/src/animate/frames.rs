@@ -57,7 +57,7 @@ pub(crate) fn play(
     let all_swing = models.iter().all(|m| m.sway.is_some());
     let inertia = if all_swing { level } else { 0.0 };
     let mut solved = match refine {
-        0 => shown(set, &raw.frames, watch)?,
+        0 => shown(set, &raw, watch)?,
         _ => {
             let guesses = Guesses {
                 frames: &raw.frames,
@@ -90,10 +90,10 @@ pub(crate) fn play(
     })
 }
 
-/// Frames as predicted.
-fn shown(set: &Set, raw: &[Vec<DVec3>], watch: &mut Watch) -> Result<Vec<Solved>, Failure> {
+/// Frames as predicted, each of which took as long as that does in the mean.
+fn shown(set: &Set, predicted: &Raw, watch: &mut Watch) -> Result<Vec<Solved>, Failure> {
+    let raw = &predicted.frames;
     let one = |(k, x): (usize, &Vec<DVec3>)| {
-        let since = Instant::now();
         let body = set.frame(set.moving.lead + k).skin;
         let raw = Settled {
             body_intersections: meeting(set, x, &body),
@@ -101,7 +101,9 @@ fn shown(set: &Set, raw: &[Vec<DVec3>], watch: &mut Watch) -> Result<Vec<Solved>
             body,
             ..Settled::default()
         };
-        Solved::new(raw, since, false)
+        let mut solved = Solved::new(raw, Instant::now(), false);
+        solved.told.seconds = predicted.rate.recip();
+        solved
     };
     let mut out = Vec::with_capacity(raw.len());
     for (c, chunk) in raw.chunks(SIDE).enumerate() {

@@ -200,15 +200,22 @@ pub fn non_finite(clip: &Clip) -> usize {
         .sum()
 }
 
-/// Mean way of the vertices from first to last frame, as in ten seconds [m], if the body is still.
-pub fn drift(clip: &Clip) -> Option<f64> {
-    let (first, last) = (clip.body.first()?, clip.body.last()?);
-    let n = clip.drape.frames.len();
-    let moved = |body: &Vec<DVec3>| first.iter().zip(body).any(|(a, b)| a.distance(*b) > 1e-6);
-    if n < 2 || moved(last) || clip.body.iter().any(moved) {
+/// Mean way of the vertices from the first to the last frame that is `sound`, as in ten seconds [m], if the body is still
+/// in all of them.
+pub fn drift(clip: &Clip, sound: &[bool]) -> Option<f64> {
+    let all: Vec<usize> = (0..clip.drape.frames.len()).filter(|t| sound[*t]).collect();
+    let (first, last) = (*all.first()?, *all.last()?);
+    let still = clip.body.get(first)?;
+    let moved = |t: &usize| {
+        let body = clip.body.get(*t).into_iter().flatten();
+        still.iter().zip(body).any(|(a, b)| a.distance(*b) > 1e-6)
+    };
+    if first == last || all.iter().any(moved) {
         return None;
     }
-    let pairs = clip.drape.frames[0].iter().zip(&clip.drape.frames[n - 1]);
+    let pairs = clip.drape.frames[first]
+        .iter()
+        .zip(&clip.drape.frames[last]);
     let way = super::mean(pairs.map(|(a, b)| a.distance(*b)));
-    Some(way * 10.0 * clip.drape.fps / (n - 1) as f64)
+    Some(way * 10.0 * clip.drape.fps / (last - first) as f64)
 }

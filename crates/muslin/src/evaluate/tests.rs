@@ -256,6 +256,34 @@ fn the_frames_tell_over_time_what_the_report_tells_of_all() {
     assert_eq!(column("vertices_inside"), [Some(0.0); 6]);
 }
 
+#[test]
+fn frames_that_are_no_numbers_say_nothing_of_drift() {
+    let mut still = held(5);
+    still.drape.frames[4].iter_mut().for_each(|x| x.y += 0.001);
+    let name = "drift_on_still_body_mm_10s";
+    let drift = |clip: &Clip| {
+        let e = evaluate(clip, None).expect("a sound frame");
+        let told = muslin_io::report_json(&e.report).contains(name);
+        told.then(|| figure(&e, "time", name))
+    };
+    let whole = drift(&still).expect("the body is still");
+    let mut broken = still.clone();
+    broken.drape.frames[0][7].x = f64::NAN;
+    // As far in three steps as in four.
+    let cut = drift(&broken).expect("the body is still");
+    assert!(
+        (3.0 * cut / (4.0 * whole) - 1.0).abs() < 1e-3,
+        "{cut} {whole}"
+    );
+    // A body that walks is no still one because its first frame is none.
+    let mut walks = still.clone();
+    for (t, body) in walks.body.iter_mut().enumerate() {
+        body.iter_mut().for_each(|x| x.z += 0.1 * t as f64);
+    }
+    walks.body[0][0].x = f64::NAN;
+    assert_eq!(drift(&walks), None);
+}
+
 /// The sheet, level in mid-air, held along one side by a cube beside it, for `n` frames.
 fn held(n: usize) -> Clip {
     let mut clip = falling(n);

@@ -225,6 +225,26 @@ pub fn leftovers(options: &SimulateOptions, made: &[Made]) -> Vec<String> {
     told
 }
 
+/// Whether a run of these inputs has ended, and all that it told of is there, as large as it was.
+pub fn are_there(out: &Path, inputs: &str) -> bool {
+    let report = std::fs::read_to_string(beside(out, "report.json")).unwrap_or_default();
+    let files = report
+        .split_once("\"files\": {")
+        .and_then(|(_, f)| f.split_once('}'));
+    let Some((files, _)) = files else {
+        return false;
+    };
+    let is_there = |line: &str| {
+        let (name, bytes) = line.trim().trim_end_matches(',').rsplit_once(": ")?;
+        let file = std::fs::metadata(name.trim_matches('"')).ok()?;
+        Some(file.len() == bytes.parse::<u64>().ok()?)
+    };
+    let all = files.lines().filter(|l| !l.trim().is_empty());
+    let all: Vec<Option<bool>> = all.map(is_there).collect();
+    let is_it = report.contains(&format!("\"inputs_sha256\": \"{inputs}\""));
+    is_it && !all.is_empty() && all.iter().all(|there| *there == Some(true))
+}
+
 fn beside(out: &Path, kind: &str) -> PathBuf {
     out.with_file_name(format!("{}.{kind}", stem(out)))
 }

@@ -321,8 +321,10 @@ impl<'a> Set<'a> {
         let motion = &self.moving.motion;
         let turns = motion.poses.iter().flat_map(|p| &p.rotations);
         let shifts = |p: &Pose| [&[p.root][..], &p.shifts].concat();
+        let beyond = motion.poses.iter().flat_map(|p| &p.beyond);
+        let beyond = beyond.flat_map(|a| a.to_cols_array());
         let poses = motion.poses.iter().flat_map(shifts);
-        let poses = poses.flat_map(|x| x.to_array());
+        let poses = poses.flat_map(|x| x.to_array()).chain(beyond);
         let poses = poses.chain(turns.flat_map(|q| q.to_array()));
         let c = &self.cloth;
         let cut = c.rest.as_flattened().iter().flat_map(|p| p.to_array());
@@ -337,6 +339,10 @@ impl<'a> Set<'a> {
         vec![
             ("version", env!("CARGO_PKG_VERSION").to_owned()),
             ("body", hash(points(&self.figure.verts))),
+            (
+                "character",
+                self.hero.map_or(String::new(), |h| h.file.sha256.clone()),
+            ),
             (
                 "motion",
                 hash(poses.chain([motion.fps, self.moving.lead as f64])),
