@@ -117,6 +117,7 @@ fn frames_on_a_character_take_no_memory_and_refuse_what_is_no_place() {
     assert!(taken.contains(&true) && taken.contains(&false), "{taken:?}");
     // Frames by turns know nothing of joints that moved apart before.
     let turns = vec![[0.0, 0.0, 0.0, 1.0]; playing.bones().len()];
+    playing.begin(0.1);
     let calm = playing.frame(&turns, [0.0; 3]).expect("sound").to_vec();
     let mut apart = joints.clone();
     apart
