@@ -152,14 +152,13 @@ impl Pose {
 
     /// The built-in stance called `name`, on this figure.
     pub fn stance(avatar: &Avatar, figure: &Figure, name: &str) -> Result<Pose, BodyError> {
-        let stance =
-            STANCES
-                .iter()
-                .find(|s| s.name == name)
-                .ok_or_else(|| BodyError::UnknownStance {
-                    name: name.to_owned(),
-                    nearest: names::nearest(name, STANCES.iter().map(|s| s.name)),
-                })?;
+        let stance = STANCES
+            .iter()
+            .find(|s| s.name.eq_ignore_ascii_case(name))
+            .ok_or_else(|| BodyError::UnknownStance {
+                name: name.to_owned(),
+                nearest: names::nearest(name, STANCES.iter().map(|s| s.name)),
+            })?;
         let mut pose = Pose::rest(avatar);
         for bone in ["spine05", "spine04", "spine03", "spine02", "spine01"] {
             let lean = DQuat::from_rotation_x((stance.lean / 5.0).to_radians());
@@ -244,5 +243,6 @@ mod tests {
         let figure = avatar.figure(&Shape::default()).expect("an adult");
         let fault = Pose::stance(&avatar, &figure, "wlak").unwrap_err();
         assert!(fault.to_string().contains("walk"), "{fault}");
+        assert!(Pose::stance(&avatar, &figure, "Walk").is_ok());
     }
 }

@@ -283,6 +283,21 @@ fn near_names_are_offered() {
     assert!(errors.contains("trousers"), "{errors}");
     let (_, errors) = code(&["dress", "--pose", "stand", "--fabric", "demin"]);
     assert!(errors.contains("denim"), "{errors}");
+    // The case of a name's letters does not matter.
+    let folder = Folder::new("case");
+    let (status, errors) = code(&[
+        "simulate",
+        "--motion",
+        "Wave",
+        "--edge",
+        "25",
+        "--seconds",
+        "0.02",
+        "-o",
+        &folder.at("w.glb"),
+    ]);
+    assert_eq!(status, Some(0), "{errors}");
+    assert!(errors.contains("wave: 1 frames"), "{errors}");
 }
 
 /// A grey picture of 64 by 64 pixels: there is nobody in it.

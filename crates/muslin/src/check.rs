@@ -74,10 +74,11 @@ pub fn check(
     let files: Vec<PathBuf> = files.iter().flat_map(|p| opened(p)).collect();
     let mut table = Table::new(&["file", "it is", "and has"]);
     let (mut all, mut faults) = (Vec::new(), Vec::new());
+    let mut stopped = None;
     for (k, path) in files.iter().enumerate() {
         let file = muslin_io::name(path.file_name().unwrap_or_default().as_ref());
         watch.progress(&file);
-        match room.look(path) {
+        let line = match room.look(path) {
             Ok(found) => {
                 let warnings = found.warnings.iter();
                 warnings.for_each(|w| watch.warn(&format!("{file}: {w}")));
@@ -88,15 +89,19 @@ pub fn check(
                 r.set("told", found.told.as_str());
                 r.set("warnings", list.collect::<Vec<_>>());
                 all.push(Value::Tree(r));
-                let told = format!("{file}: {}, {}", found.kind, found.told);
-                watch.done((k + 1, files.len()), "file", told)?;
+                format!("{file}: {}, {}", found.kind, found.told)
             }
             Err(fault) => {
-                watch.done((k + 1, files.len()), "file", format!("{file}: no use"))?;
                 table.row([file.as_str(), "no use", fault.what.as_str()]);
                 all.push(Value::Tree(useless(&file, &fault)));
                 faults.push(fault);
+                format!("{file}: no use")
             }
+        };
+        // What was looked at is told, even if the user does not wait for the rest.
+        if let Err(stop) = watch.done((k + 1, files.len()), "file", line) {
+            stopped = Some(stop);
+            break;
         }
     }
     let mut report = Report::default();
@@ -110,7 +115,7 @@ pub fn check(
         }
     };
     Ok(Outcome {
-        fault,
+        fault: stopped.or(fault),
         ..Outcome::new(table.text(), &report)
     })
 }

@@ -255,7 +255,10 @@ impl Run<'_, '_> {
 /// What all results follow from, in short: what frames do, and how they are written.
 fn inputs(set: &Set, options: &SimulateOptions) -> String {
     let o = options;
+    let looks = set.outfit.pieces.iter().map(|p| &p.fabric.look);
+    let clothes = (set.outfit.names(), looks.collect::<Vec<_>>());
     let how = (o.bake, &o.npz, &o.pc2, o.picture, o.turn, o.dress.backdrop);
+    let how = (how, clothes);
     let frames = set.identity().into_iter();
     let lines = frames.map(|(name, hash)| format!("{name} {hash}\n"));
     muslin_io::sha256(format!("{}{how:?}", lines.collect::<String>()).as_bytes())

@@ -119,11 +119,12 @@ fn asked(
         Some(hero) => own(hero, options)?,
         None => None,
     };
-    let found = match (clip, motions::NAMES.contains(&options.motion.as_str())) {
+    let ours = |name: &&str| name.eq_ignore_ascii_case(&options.motion);
+    let found = match (clip, motions::NAMES.into_iter().find(ours)) {
         (Some(own), _) => own,
-        (None, true) => built_in(avatar, figure, options)?,
-        (None, false) if path.exists() || has_kind(path) => file(avatar, figure, (path, part))?,
-        (None, false) => return Err(unknown(&options.motion, hero)),
+        (None, Some(name)) => built_in(avatar, figure, (name, options.fps))?,
+        (None, None) if path.exists() || has_kind(path) => file(avatar, figure, (path, part))?,
+        (None, None) => return Err(unknown(&options.motion, hero)),
     };
     let cut = cut(&found.motion, options).map_err(|f| f.at(found.name.clone()))?;
     Ok((found, cut))
@@ -142,14 +143,10 @@ fn own(hero: &Hero, options: &SimulateOptions) -> Result<Option<Moving>, Failure
     }))
 }
 
-fn built_in(
-    avatar: &Avatar,
-    figure: &Figure,
-    options: &SimulateOptions,
-) -> Result<Moving, Failure> {
-    let motion = motions::make(avatar, figure, &options.motion, options.fps);
+fn built_in(avatar: &Avatar, figure: &Figure, (name, fps): (&str, f64)) -> Result<Moving, Failure> {
+    let motion = motions::make(avatar, figure, name, fps);
     Ok(Moving {
-        name: options.motion.clone(),
+        name: name.to_owned(),
         sha256: None,
         motion: motion.map_err(|e| body_failure(&e))?,
         lead: 0,

@@ -39,7 +39,9 @@ pub(super) fn asked(options: &TrainOptions) -> String {
         say("skinning", how.into());
     }
     if let Some(file) = &options.from {
-        say("from", file.display().to_string());
+        // Where it lies is nobody else's business.
+        let name = file.file_name().unwrap_or_default();
+        say("from", name.to_string_lossy().into_owned());
     }
     if let Some(edge) = options.coarse {
         say("coarse", (edge * 1000.0).to_string());
