@@ -203,6 +203,12 @@ fn a_place_that_cannot_be_written_is_told_before_the_work() {
     );
 }
 
+/// Somebody who stands in a coarse skirt, written to a folder.
+fn in_a_skirt(out: &str) -> (Option<i32>, String) {
+    let who = "dress --pose stand --garment skirt --edge 25 -o".split(' ');
+    code(&who.chain([out]).collect::<Vec<_>>())
+}
+
 #[test]
 fn what_is_read_is_never_written_over_or_taken_away() {
     let folder = Folder::new("same");
@@ -223,21 +229,9 @@ fn what_is_read_is_never_written_over_or_taken_away() {
     assert!(errors.contains("--only"), "{errors}");
     assert_eq!(names(&out), ["front.png", "hero.glb", "report.json"]);
     // Somebody's picture that is called as a result was once.
-    let dressed = |more: &[&str]| {
-        let args = [
-            "dress",
-            "--pose",
-            "stand",
-            "--garment",
-            "skirt",
-            "--edge",
-            "25",
-        ];
-        let (status, errors) = code(&[&args[..], more].concat());
-        assert_eq!(status, Some(0), "{errors}");
-    };
     let out = folder.at("out");
-    dressed(&["-o", &out]);
+    let (status, errors) = in_a_skirt(&out);
+    assert_eq!(status, Some(0), "{errors}");
     let report = Path::new(&out).join("report.json");
     let told = std::fs::read_to_string(&report).expect("it was written");
     let told = told.replace("\"front.png\":", "\"overlay.png\": 5,\n    \"front.png\":");
@@ -245,7 +239,8 @@ fn what_is_read_is_never_written_over_or_taken_away() {
     for (bytes, stays) in [(&b"other"[..], false), (&b"others"[..], true)] {
         std::fs::write(&report, &told).expect("our own file");
         std::fs::write(&mine, bytes).expect("our own file");
-        dressed(&["-o", &out]);
+        let (status, errors) = in_a_skirt(&out);
+        assert_eq!(status, Some(0), "{errors}");
         assert_eq!(mine.exists(), stays);
     }
 }
@@ -257,23 +252,12 @@ fn one_job_at_a_time_dresses_into_a_folder() {
     std::fs::create_dir_all(&out).expect("our own folder");
     let look = Path::new(&out).join("look.glb");
     let other = muslin_io::Lock::hold(&look).expect("nobody has it");
-    let args = [
-        "dress",
-        "--pose",
-        "stand",
-        "--garment",
-        "skirt",
-        "--edge",
-        "25",
-        "-o",
-        &out,
-    ];
-    let (status, errors) = code(&args);
+    let (status, errors) = in_a_skirt(&out);
     assert_eq!(status, Some(8), "{errors}");
     assert!(errors.contains("look.glb"), "{errors}");
     drop(other);
     assert_eq!(names(&out), [""; 0]);
-    let (status, errors) = code(&args);
+    let (status, errors) = in_a_skirt(&out);
     assert_eq!(status, Some(0), "{errors}");
 }
 

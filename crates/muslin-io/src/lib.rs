@@ -43,7 +43,7 @@ pub use journal::Journal;
 pub use lock::Lock;
 pub use obj::obj;
 pub use obj_mesh::{ObjMesh, read_obj};
-pub use output::{Output, Written, writable, write_file};
+pub use output::{Output, Written, as_name, writable, write_file};
 pub use photo::{Photo, PhotoLimits, decode_photo, flatten, read_photo};
 pub use picture::{animated_png, png};
 pub use pose_models::{PoseGraphs, pose_graphs};

@@ -202,9 +202,7 @@ fn sync(folder: &Path) -> io::Result<()> {
 
 /// `name` if it is one plain file name, as [`Output::add`] takes them.
 pub fn writable(name: &str) -> Result<&str, IoError> {
-    let is_plain = !name.is_empty()
-        && !name.starts_with('.')
-        && !name.contains(|c: char| "/\\:".contains(c) || c.is_control());
+    let is_plain = !name.is_empty() && !name.starts_with('.') && !name.contains(is_foreign);
     if is_plain {
         return Ok(name);
     }
@@ -212,6 +210,16 @@ pub fn writable(name: &str) -> Result<&str, IoError> {
     Err(fault
         .allowed("letters, digits, dashes, dots inside")
         .refused())
+}
+
+/// A text with dashes where no name of a file may have what it has.
+pub fn as_name(text: &str) -> String {
+    text.replace(is_foreign, "-")
+}
+
+/// What no name of a file may have on some system.
+fn is_foreign(c: char) -> bool {
+    "/\\:".contains(c) || c.is_control()
 }
 
 /// The system's refusal to write `size` bytes at `path`.

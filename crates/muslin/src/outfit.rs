@@ -373,7 +373,7 @@ fn entry(name: &str) -> Result<&'static Entry, Failure> {
 fn named_apart<'a>(garments: impl Iterator<Item = &'a str>) -> Vec<String> {
     let mut names: Vec<String> = vec!["body".into()];
     for garment in garments {
-        let name = garment.replace(|c: char| ".:/\\".contains(c) || c.is_control(), "-");
+        let name = muslin_io::as_name(garment).replace('.', "-");
         let numbered = (2..).map(|n| format!("{name}-{n}"));
         let mut all = std::iter::once(name.clone()).chain(numbered);
         names.extend(all.find(|n| !names.contains(n)));

@@ -259,9 +259,7 @@ fn inputs(set: &Set, options: &SimulateOptions) -> String {
     let clothes = (set.outfit.names(), looks.collect::<Vec<_>>());
     let how = (o.bake, &o.npz, &o.pc2, o.picture, o.turn, o.dress.backdrop);
     let how = (how, clothes);
-    let frames = set.identity().into_iter();
-    let lines = frames.map(|(name, hash)| format!("{name} {hash}\n"));
-    muslin_io::sha256(format!("{}{how:?}", lines.collect::<String>()).as_bytes())
+    muslin_io::sha256(format!("{}{how:?}", shoot::head(set)).as_bytes())
 }
 
 /// Where the frames are kept until all are there.

@@ -72,11 +72,8 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
     options.check(out)?;
     let mut read = worn(&options.dress);
     read.extend(options.from.clone());
-    read.extend(
-        expanded(&options.motion)?
-            .iter()
-            .map(|m| motion::named(m).0.to_owned()),
-    );
+    let motions = expanded(&options.motion)?;
+    read.extend(motions.iter().map(|m| motion::named(m).0.to_owned()));
     let made = ["csv", "report.json"].map(|kind| beside(out, kind));
     apart(&read, made.into_iter().chain([out.to_owned()]))?;
     let _alone = Lock::hold(out).map_err(|e| file_failure(&e))?;
@@ -96,7 +93,7 @@ pub fn train(out: &Path, options: &TrainOptions, watch: &mut Watch) -> Result<Ou
         .set("seed", options.seed as usize);
     let kept = [beside(out, "part"), beside(out, "coarse.part")];
     let figure = school.body(&avatar)?;
-    let (motions, sources) = school.motions(&avatar, &figure)?;
+    let (motions, sources) = school.motions((&avatar, &figure), &motions)?;
     let (mut class, outfit) = school.garment(&avatar, &figure)?;
     if options.resume && !kept.iter().any(|p| p.exists()) {
         if school.has_ended((&class, &sources), out) {
@@ -164,19 +161,19 @@ impl School<'_, '_> {
     /// The motions to learn from, and what they come from.
     fn motions(
         &mut self,
-        avatar: &Avatar,
-        figure: &Figure,
+        (avatar, figure): (&Avatar, &Figure),
+        names: &[String],
     ) -> Result<(Vec<Motion>, Vec<String>), Failure> {
         let mut motions = Vec::new();
         let mut sources = Vec::new();
         let mut turned = 0.0f64;
         let rate = lessons::rate(self.options.system);
-        for name in expanded(&self.options.motion)? {
-            self.watch.progress(&name);
+        for name in names {
+            self.watch.progress(name);
             self.watch.go_on()?;
-            let seen = lessons::one((avatar, self.hero), figure, (&name, rate))?;
+            let seen = lessons::one((avatar, self.hero), figure, (name, rate))?;
             for warning in &seen.warnings {
-                match warning.contains(&name) {
+                match warning.contains(name) {
                     true => self.watch.warn(warning),
                     false => self.watch.warn(&format!("{name}: {warning}")),
                 }

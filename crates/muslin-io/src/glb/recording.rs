@@ -95,15 +95,16 @@ fn moved(glb: &Glb, still: &Stage, clip: usize) -> Result<Vec<usize>, IoError> {
         .map(|t| &t["node"]);
     let skins = glb.list("skins").iter();
     let joints = skins.flat_map(|s| s["joints"].as_array().into_iter().flatten());
-    let human = bones(glb).into_iter().map(|b| b.1);
-    let all = turned.chain(joints).chain(human).filter_map(int);
+    let human = bones(glb);
+    let all = turned.chain(joints).chain(human.iter().map(|b| b.1));
+    let all = all.filter_map(int);
     let [mut is_moved, mut is_turned] = [(); 2].map(|()| vec![false; nodes.len()]);
     for node in all.filter(|n| *n < nodes.len() && !hangs_below_ours(still, nodes, *n)) {
         still.check_depth(glb, node)?;
         (is_moved[node], is_turned[node]) = (true, true);
         still.above(node).for_each(|n| is_moved[n] = true);
     }
-    if glb.list("skins").is_empty() && bones(glb).is_empty() {
+    if glb.list("skins").is_empty() && human.is_empty() {
         for node in 0..nodes.len() {
             let shows = ["mesh", "camera"].iter().any(|k| !nodes[node][k].is_null());
             let hangs = || still.above(node).take(nodes.len()).any(|n| is_turned[n]);

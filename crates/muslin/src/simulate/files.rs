@@ -228,10 +228,11 @@ pub fn leftovers(options: &SimulateOptions, made: &[Made]) -> Vec<String> {
 /// Whether a run of these inputs has ended, and all that it told of is there, as large as it was.
 pub fn are_there(out: &Path, inputs: &str) -> bool {
     let report = std::fs::read_to_string(beside(out, "report.json")).unwrap_or_default();
-    let files = report
-        .split_once("\"files\": {")
-        .and_then(|(_, f)| f.split_once('}'));
-    let Some((files, _)) = files else {
+    if !report.contains(&format!("\"inputs_sha256\": \"{inputs}\"")) {
+        return false;
+    }
+    let files = report.split_once("\"files\": {");
+    let Some((files, _)) = files.and_then(|(_, f)| f.split_once('}')) else {
         return false;
     };
     let is_there = |line: &str| {
@@ -239,10 +240,8 @@ pub fn are_there(out: &Path, inputs: &str) -> bool {
         let file = std::fs::metadata(name.trim_matches('"')).ok()?;
         Some(file.len() == bytes.parse::<u64>().ok()?)
     };
-    let all = files.lines().filter(|l| !l.trim().is_empty());
-    let all: Vec<Option<bool>> = all.map(is_there).collect();
-    let is_it = report.contains(&format!("\"inputs_sha256\": \"{inputs}\""));
-    is_it && !all.is_empty() && all.iter().all(|there| *there == Some(true))
+    let mut all = files.lines().filter(|l| !l.trim().is_empty()).peekable();
+    all.peek().is_some() && all.all(|line| is_there(line) == Some(true))
 }
 
 fn beside(out: &Path, kind: &str) -> PathBuf {

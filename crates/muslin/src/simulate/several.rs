@@ -142,7 +142,7 @@ fn jobs(motions: &[String], out: &Path, options: &SimulateOptions) -> Result<Vec
     let job = |motion: &String| {
         let (file, part) = motion::named(motion);
         let stem = muslin_io::name(Path::new(file.file_stem().unwrap_or_default()));
-        let stem = stem.replace(|c: char| ":\\".contains(c) || c.is_control(), "-");
+        let stem = muslin_io::as_name(&stem);
         let name = match part {
             Some(part) => format!(
                 "{stem}-{}",

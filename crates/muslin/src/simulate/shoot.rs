@@ -173,7 +173,7 @@ impl<'a> Take<'a> {
 }
 
 /// One line for each thing that the frames depend on.
-fn head(set: &Set) -> String {
+pub(super) fn head(set: &Set) -> String {
     let lines = set.identity().into_iter();
     lines
         .map(|(name, hash)| format!("{name} {hash}\n"))
